@@ -21,6 +21,13 @@ MISTAKEN = (
     ("two lamps mixed", "none", 0),
 )  # fmt: skip
 
+#: Of these some that no explanation can make sense of: a third of a reading is rounding, or all are alike.
+SAY_NOTHING = (
+    ("quantised", "none", 0),
+    ("constant", "3 times too large", 0),
+    ("constant", "10 times too small", 3),
+)
+
 
 def verdict_on(table, scene, **options) -> Verdict:
     return diagnose(table, scene, diffuse=None, advise=False, **options).verdict
@@ -32,26 +39,13 @@ def unstated(table):
 
 @pytest.mark.parametrize("sort", MISTAKEN, ids=lambda sort: f"{sort[0]}, errors {sort[1]}")
 def test_nothing_is_said_of_garbage(sort: tuple[str, str, int]) -> None:
-    verdict = verdict_on(Table(*sort).readings(), believed())
+    found = diagnose(Table(*sort).readings(), believed(), diffuse=None, advise=False)
+    verdict = found.verdict
     assert (verdict.verdict, verdict.effects, verdict.explanations) == ("unexplained", [], [])
     assert verdict.found == [], "nor is anything certain so far"
     assert verdict.doubt is not None and verdict.doubt in verdict.sentence
-
-
-@pytest.mark.parametrize(
-    ("sort", "more"),
-    [
-        (("quantised", "none", 0), False),  # a third of a typical reading is rounding
-        (("constant", "3 times too large", 0), False),  # the same to 1e-4
-        (("permuted", "as a spectrometer states them", 0), True),
-    ],
-    ids=lambda v: v[0] if isinstance(v, tuple) else "",
-)
-def test_no_more_effects_are_sought_in_what_says_nothing(sort: tuple[str, str, int], more: bool) -> None:
-    """It took half a minute, and whatever it found was not believed."""
-    found = diagnose(Table(*sort).readings(), believed(), diffuse=None, advise=False)
-    assert found.verdict.verdict == "unexplained"
-    assert (found.finding.many is not None) == more
+    if sort in SAY_NOTHING:
+        assert found.finding.many is None, "half a minute's search would find what is not believed"
 
 
 @pytest.mark.slow
