@@ -5,6 +5,7 @@ without walls, render and formula are the same light by construction, in absolut
 """
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -45,7 +46,10 @@ def test_render_writes_netcdf_exr_and_figure(scene, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["render", scene(0.05), "-o", str(out), *FAST]) == 0
     printed = capsys.readouterr().out
-    assert "closure" in printed
+    balance = re.search("energy: (.*), closure", printed)
+    assert balance is not None
+    spent = [float(part.split()[1]) for part in balance[1].split(", ")]
+    assert sum(spent) == pytest.approx(100, abs=0.02), "what is printed adds up"
     assert {p.name for p in out.iterdir()} == {
         "maps.nc", "maps.png", "irradiance_z3.000m.exr", "irradiance_z5.000m.exr",
     }  # fmt: skip

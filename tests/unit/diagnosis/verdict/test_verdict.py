@@ -204,3 +204,17 @@ def test_same_seed_same_verdict() -> None:
     table, scene = readings(HIDDEN, seed=12)
     one, two = (diagnose(table, scene, diffuse=None, advise=False, seed=5).verdict for _ in range(2))
     assert one == two
+
+
+def test_what_nothing_explains_is_not_removed() -> None:
+    """Beside a shadow a drift and a tilt remove their parts of the misfit: what is left is no noise."""
+    table, scene = readings(
+        {"lamp.tilt_x_deg": 0.3, "lamp.drift_per_hour": -0.4}, seed=1, noise=0.002,
+        factor=lambda t: 1 - 0.3 * np.exp(-(((t.x_m - 0.15) / 0.06) ** 2)) * (t.z_m > 5),
+    )  # fmt: skip
+    only = ["beam_tilt", "lamp_drift", "background"]
+    verdict = diagnose(table, scene, diffuse=None, only=only, advise=False).verdict
+    base, *rungs = verdict.ladder
+    assert verdict.verdict == "unexplained" and rungs[-1].chi2_per_dof > 20
+    part = (base.chi2_per_dof - rungs[-1].chi2_per_dof) / base.chi2_per_dof
+    assert sum(rung.removed_percent for rung in rungs) == pytest.approx(100 * part, abs=2.5)
