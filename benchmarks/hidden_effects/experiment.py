@@ -206,8 +206,8 @@ def _errors(
     there = found.forward.at(**at)
     # The truth's own readout, with the gain under which its readings are `clean`.
     own = SceneForward(scene, found.readings, full=float(clean.max()))
-    gain = _gain(lambda g: own.read(light[:n], {"gain": g}), clean)
-    expected = own.at(**at).read(light[n:], {"gain": gain})
+    gain = _gain(lambda g: own.reader.read(light[:n], {"gain": g}), clean)
+    expected = own.at(**at).reader.read(light[n:], {"gain": gain})
     group = places["z_m"]
     top = np.array([expected[group == z].max() for z in group])
     counted = expected > BRIGHT * top

@@ -46,8 +46,8 @@ def follow(trial: Trial, found: Diagnosis, clean: np.ndarray, light: np.ndarray,
         lit_scene(trial.truth), extra, seed=1 + trial.seed % 1000, rel_error=REL_ERROR, max_photons=PHOTONS
     )
     own = SceneForward(scene, before, full=float(clean.max()))
-    gains = dict.fromkeys(own.gain_names, 1.0 / float((light * own.power({})).max()))
-    expected = SceneForward(scene, extra, full=float(clean.max())).read(there, gains)
+    gains = dict.fromkeys(own.gains.names, 1.0 / float((light * own.reader.power({})).max()))
+    expected = SceneForward(scene, extra, full=float(clean.max())).reader.read(there, gains)
     sigma = Instrument(trial.noise).sigma(expected)
     quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, n) / (SAMPLES - 1))
     extra = replace(extra, value=expected + sigma * rng.standard_normal(n), stderr=quoted)

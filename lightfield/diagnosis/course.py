@@ -31,7 +31,7 @@ from lightfield.diagnosis.verdict.parts import DoubtReason
 from lightfield.diagnosis.verdict.trust import Trust, says_nothing, trust_of
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import Retraced
+from lightfield.fitting.retraced import Retraced
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 

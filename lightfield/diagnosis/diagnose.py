@@ -95,7 +95,7 @@ class Diagnosis:
     @property
     def scene(self) -> Scene:
         """The fitted scene of the last rung."""
-        return self.forward.scene_at(self.steps[-1].fit.values)
+        return self.forward.scenes.at(self.steps[-1].fit.values)
 
     @property
     def prediction(self) -> Array:
@@ -165,7 +165,7 @@ class Diagnosis:
     def _off_percent(self, light: Array, error: Array) -> tuple[float, float]:
         """Error of a fresh render of the last rung against the readings, and its own, in per cent."""
         problem, values = self.prepared.problem, self.steps[-1].fit.values
-        model, up = self.forward.read(light, values), self.forward.read(light + error, values)
+        model, up = self.forward.reader.read(light, values), self.forward.reader.read(light + error, values)
         counted = bright(problem)
         return percent(problem, model, counted), rms_over((up - model)[counted], model[counted])
 
@@ -201,7 +201,7 @@ class Diagnosis:
         verdict = self.verdict.model_copy(update={"run": number})
         for k, (rung, step) in enumerate(zip(verdict.ladder, self.steps, strict=True)):
             name = f"rung{k}.toml"
-            self.forward.scene_at(step.fit.values).save(target / name)
+            self.forward.scenes.at(step.fit.values).save(target / name)
             rows.append(
                 rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
                 | {"scene": name}

@@ -140,8 +140,7 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
         # Slopes with the noise of photons in them would pass for information.
         problem = following(problem, lit, _SEED)
         base = problem.fit((), _identity, [base.u])
-    zero = np.zeros(problem.layout.size)
-    slope = forward.position_slope(base.values) if budget.position_m > 0 else zero
+    slope = budget.position_slope(forward, base.values)
     noise = Noise(problem.layout, layout_table.stderr, base.prediction, budget, slope)
     whiten = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), whiten, [base.u])

@@ -201,9 +201,8 @@ def _searched(
 ) -> tuple[Pool, Node]:
     """Sets that were fitted to the noise-free readings, and the true one among them."""
     budget = budget_of(replace(table, stderr=readings.stderr))
-    zero = np.zeros(problem.layout.size)
     base = problem.fit((), _plainly, [problem.model().start])
-    slope = forward.position_slope({**base.values, **values}) if budget.position_m > 0 else zero
+    slope = budget.position_slope(forward, {**base.values, **values})
     whiten = Whitener(Noise(problem.layout, table.stderr, table.value, budget, slope), 0.0, 1.0, 0.0)
     model = problem.model(chosen)
     start = {

@@ -186,11 +186,11 @@ def measure(
 def _noise_free(truth: Scene, table: Readings, bright: Array) -> Array:
     """Readings of the scene's readout without errors, about 1 at most, shape (n,)."""
     forward = SceneForward(truth, table, full=1.0)
-    gains = dict.fromkeys(forward.gain_names, 1.0 / float((bright * forward.power({})).max()))
+    gains = dict.fromkeys(forward.gains.names, 1.0 / float((bright * forward.reader.power({})).max()))
     # Saturation is stated relative to the largest reading, which itself is saturated.
     full = 1.0
     for _ in range(60):
-        clean = SceneForward(truth, table, full=full).read(bright, gains)
+        clean = SceneForward(truth, table, full=full).reader.read(bright, gains)
         full = float(clean.max())
     return clean
 

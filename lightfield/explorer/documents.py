@@ -32,7 +32,7 @@ _DIGITS = ".9g"
 
 def scene_toml(session: Session) -> str:
     """The scene with the values that are shown."""
-    return session.experiment.forward.scene_at(session.evaluator.values(session.now)).to_toml()
+    return session.experiment.forward.scenes.at(session.evaluator.values(session.now)).to_toml()
 
 
 def residuals_csv(session: Session) -> str:

@@ -82,7 +82,7 @@ class Evaluator:
 
     def _at_maps(self, values: Mapping[str, float], channel: int) -> Mapping[str, float]:
         """The same values, the gain of a wavelength as that of all: maps have one."""
-        names = self.experiment.forward.gain_names
+        names = self.experiment.forward.gains.names
         return values if len(names) == 1 else {**values, GAIN: values[names[channel]]}
 
     def _made(self, plane: int, channel: int) -> SceneForward:
@@ -93,7 +93,7 @@ class Evaluator:
 def missing_trace(forward: SceneForward, values: Mapping[str, float]) -> float | None:
     """Scattering coefficient of the water to trace, where these values are beyond the traces made, m^-1."""
     light = forward.light
-    b = light.diffuse.dense_water(light.scene_at(values, validate=False))
+    b = light.diffuse.dense_water(light.scenes.at(values, validate=False))
     wanted = None if b is None else trace_for(b)
     return None if wanted == light.diffuse.dense_per_m else wanted
 
@@ -101,5 +101,5 @@ def missing_trace(forward: SceneForward, values: Mapping[str, float]) -> float |
 def formula(forward: SceneForward, values: Mapping[str, float]) -> Array:
     """Readings by the closed form alone, shape (n,): direct light, as lamp and instrument make it."""
     light = forward.light
-    direct = light.direct(light.scene_at(values, validate=False), forward.readings)
-    return forward.read(direct, values)
+    direct = light.direct(light.scenes.at(values, validate=False), forward.readings)
+    return forward.reader.read(direct, values)

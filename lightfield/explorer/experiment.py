@@ -23,7 +23,8 @@ from lightfield.explorer.places import SIDE, MapPlaces
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource, remembered
 from lightfield.fitting.effects.registry import effect_name
-from lightfield.fitting.forward import Retraced, SceneForward
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.retraced import Retraced
 from lightfield.formula.field import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -100,8 +101,7 @@ class Experiment:
     @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """Every parameter of scene and curves by path."""
-        curves = self.forward.light.curves
-        return self.forward.scene.parameters() | dict(curves.parameters if curves else {})
+        return self.forward.scene.parameters() | dict(self.forward.scenes.curves.parameters)
 
     @cached_property
     def switched_on(self) -> tuple[str, ...]:

@@ -274,7 +274,7 @@ class Hub:
         session = self.session
         e, now = session.experiment, session.now
         if not e.has_data:
-            scene = e.forward.scene_at(session.evaluator.values(now))
+            scene = e.forward.scenes.at(session.evaluator.values(now))
             self._start("report", compared, self._reported, scene)
             return
         ladder = session.state_data()["ladder"]

@@ -121,9 +121,9 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
     scale : float
         Variance of the readings in units of the whitening.
     """
-    curves = forward.light.curves
+    curves = forward.scenes.curves
     moved = {field_of(path) for path in fit.paths} & _SHOWN.keys()
-    if curves is None or not moved:
+    if not moved:
         return ()
     covariance = np.nan_to_num(fit.covariance(scale))
     values = fit.values
@@ -134,13 +134,13 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
         place = curves.bases[field].place
         at = np.linspace(place[0], place[-1] / (BEYOND if field == PROFILE else 1.0), PLACES)
         at = place if field == PLANES else at
-        value = shown(forward.scene_at(values, validate=False), at)
+        value = shown(forward.scenes.at(values, validate=False), at)
         slopes = np.empty((len(at), len(fit.u)))
         for i, parameter in enumerate(fit.model.parameters):
             there = {**values, parameter.path: parameter.value(fit.u[i] + parameter.step)}
-            slopes[:, i] = (shown(forward.scene_at(there, validate=False), at) - value) / parameter.step
+            slopes[:, i] = (shown(forward.scenes.at(there, validate=False), at) - value) / parameter.step
         stderr = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
-        without = shown(forward.scene_at(flat, validate=False), at)
+        without = shown(forward.scenes.at(flat, validate=False), at)
         rms = float(np.linalg.norm(curves.bases[field].amplitudes(values)))
         out.append(FittedCurve(field, coordinate, quantity, at, value, stderr, without, rms))
     return tuple(out)
@@ -159,12 +159,12 @@ def save_lamp(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -
     OutputError
         The file cannot be written.
     """
-    curves = forward.light.curves
-    if curves is None or PROFILE not in {field_of(p) for p in fit.paths}:
+    curves = forward.scenes.curves
+    if PROFILE not in {field_of(p) for p in fit.paths}:
         return None
     to_deg = float(curves.bases[PROFILE].place[-1])
     remark = f"fitted to readings within {to_deg / BEYOND:.3g} deg of the axis; beyond it is a guess"
-    return save_intensity(forward.scene_at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark)
+    return save_intensity(forward.scenes.at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark)
 
 
 def save_spectrum(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -> Path | None:
@@ -180,9 +180,9 @@ def save_spectrum(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str
     OutputError
         The file cannot be written.
     """
-    curves = forward.light.curves
-    if curves is None or SPECTRUM not in {field_of(p) for p in fit.paths}:
+    curves = forward.scenes.curves
+    if SPECTRUM not in {field_of(p) for p in fit.paths}:
         return None
     place = curves.bases[SPECTRUM].place
     remark = f"fitted to readings from {place[0]:g} to {place[-1]:g} nm; beyond them it is a guess"
-    return save_power(forward.scene_at(fit.values).lamp, Path(folder) / SPECTRUM_TABLE, remark)
+    return save_power(forward.scenes.at(fit.values).lamp, Path(folder) / SPECTRUM_TABLE, remark)

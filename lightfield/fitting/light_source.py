@@ -10,15 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.curves import Curves, Stated
+from lightfield.fitting.curves import Curves
 from lightfield.fitting.diffuse_light import Diffuse, DiffuseLight, DiffuseSource
 from lightfield.fitting.parameter import is_gain
+from lightfield.fitting.scene_of_values import SceneOfValues
 from lightfield.formula import field as analytic
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on, paths_on
 from lightfield.scene.bands import read_nm
+from lightfield.scene.own.effect import OwnEffect
 
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120
@@ -32,8 +34,8 @@ class LightSource:
     ----------
     diffuse : DiffuseLight
         Scattered and reflected light; values that are not given are its scene's.
-    curves : Curves, optional
-        What amplitudes of curves among the values stand for.
+    scenes : SceneOfValues
+        Which scene values stand for.
     correction, stderr : array, shape (n,)
         Factor on the light, and error of what comes of it beside the trace's own.
     held : (LightSource, array, mapping), optional
@@ -42,7 +44,7 @@ class LightSource:
     """
 
     diffuse: DiffuseLight
-    curves: Curves | None = None
+    scenes: SceneOfValues
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
     held: tuple[LightSource, Array, Mapping[str, float]] | None = None
@@ -52,11 +54,8 @@ class LightSource:
         cls, scene: Scene, readings: Readings, trace: DiffuseSource | None, dense_per_m: float | None
     ) -> LightSource:
         """Of a scene at the places of a table, see `DiffuseLight`."""
-        return cls(DiffuseLight.of(scene, readings, trace, dense_per_m), Curves(scene, readings))
-
-    @property
-    def scene(self) -> Scene:
-        return self.diffuse.scene
+        scenes = SceneOfValues(scene, Curves(scene, readings))
+        return cls(DiffuseLight.of(scene, readings, trace, dense_per_m), scenes)
 
     @property
     def readings(self) -> Readings:
@@ -64,7 +63,7 @@ class LightSource:
 
     def at(self, readings: Readings, share: float) -> LightSource:
         """The same at the places of other readings, with a part of the photons."""
-        return LightSource(self.diffuse.at(readings, share), self.curves)
+        return LightSource(self.diffuse.at(readings, share), self.scenes)
 
     def subset(self, rows: NDArray[np.bool_]) -> LightSource:
         """The same at some of the readings, of every channel some."""
@@ -74,7 +73,13 @@ class LightSource:
         return replace(self, diffuse=self.diffuse.subset(rows), correction=correction, stderr=stderr)
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> LightSource:
-        """The same, scaled reading by reading, so that at `values` it is as given with an error."""
+        """The same, scaled reading by reading, so that at `values` it equals a full render.
+
+        Parameters
+        ----------
+        light, stderr : array, shape (n,)
+            The render, for unit on-axis intensity.
+        """
         plain = replace(self, correction=1.0)
         return replace(self, correction=light / np.maximum(plain.light(values), 1e-300), stderr=stderr)
 
@@ -86,29 +91,19 @@ class LightSource:
         """The same with other scattered and reflected light at the readings."""
         return replace(self, diffuse=replace(self.diffuse, followed=diffuse))
 
-    def of_scene(self, scene: Scene) -> LightSource:
-        """The same of another scene."""
-        return replace(self, diffuse=replace(self.diffuse, scene=scene))
-
-    def scene_at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
-        """The scene with these values; gains are not part of a scene."""
-        return self.with_values({k: v for k, v in values.items() if not is_gain(k)}, validate)
-
-    def with_values(self, values: Mapping[str, float], validate: bool = False) -> Scene:
-        """The scene with values of its parameters, and of amplitudes of curves."""
-        return self.scene.with_values(self._stated(values), validate=validate)
-
-    def _stated(self, values: Mapping[str, float]) -> Stated:
-        """Values as a scene takes them: nodes of curves in place of amplitudes."""
-        return self.curves.stated(values) if self.curves else values
+    def with_effects(self, more: Iterable[OwnEffect]) -> LightSource:
+        """The same of a scene with effects of the user's own more; scattered light does not follow them."""
+        scene = self.scenes.scene.model_copy(update={"effect": (*self.scenes.scene.effect, *more)})
+        scenes, diffuse = replace(self.scenes, scene=scene), replace(self.diffuse, scene=scene)
+        return replace(self, scenes=scenes, diffuse=diffuse)
 
     def light(self, values: Mapping[str, float]) -> Array:
         """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
-        return self._remembered(tuple(sorted(_optical(self._stated(values)).items())))
+        return self._remembered(tuple(sorted(_optical(self.scenes.stated(values)).items())))
 
     def rest(self, values: Mapping[str, float]) -> Array:
         """Scattered and reflected light for unit on-axis intensity, shape (n,)."""
-        scene = self.with_values(_optical(values))
+        scene = self.scenes.with_values(_optical(values))
         if not self.diffuse.is_in(scene):
             return np.zeros(len(self.diffuse.channels[1]))
         return np.asarray(self.light(values) - self.direct(scene, self.readings) * self.correction)
@@ -133,7 +128,7 @@ class LightSource:
         smooth : array, shape (n,)
             Size of an error that varies little between neighbours.
         """
-        modes, smooth = self.diffuse.errors(self.with_values(_optical(values)))
+        modes, smooth = self.diffuse.errors(self.scenes.with_values(_optical(values)))
         factor = np.broadcast_to(self.correction, smooth.shape)
         modes, smooth = modes * factor[:, None], smooth * factor
         if np.any(self.stderr):
@@ -142,11 +137,11 @@ class LightSource:
 
     def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None:
         """The trace that is still missing for what was found, see `DiffuseLight.to_trace`, m^-1."""
-        return self.diffuse.to_trace(self.scene_at(values, validate=False) for values in found)
+        return self.diffuse.to_trace(self.scenes.at(values, validate=False) for values in found)
 
     def factor_to_traced(self, values: Mapping[str, float]) -> float:
         """How much more dense water would have to scatter, see `DiffuseLight.factor_to_traced`."""
-        return self.diffuse.factor_to_traced(self.scene_at(values, validate=False))
+        return self.diffuse.factor_to_traced(self.scenes.at(values, validate=False))
 
     @cached_property
     def _remembered(self) -> Callable[[tuple[tuple[str, float], ...]], Array]:
@@ -155,7 +150,7 @@ class LightSource:
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
         if self.held is not None and self.held[2] != _diffuse(dict(optical)):
             return self.held[0].light(dict(optical))
-        scene = self.scene.with_values(dict(optical), validate=False)
+        scene = self.scenes.scene.with_values(dict(optical), validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.held is not None:
             return np.asarray(light * self.correction + self.held[1])

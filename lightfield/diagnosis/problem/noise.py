@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,8 @@ from lightfield.diagnosis.problem.chain import ChainFactor, fewer_columns, low_r
 from lightfield.diagnosis.problem.dense import DenseFactor
 from lightfield.diagnosis.problem.layout import Labels, Layout
 from lightfield.diagnosis.problem.scan import links_of
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.position_slope import position_slope
 
 #: How far a model error that is of no interest, and that of the response of diffuse light (of one trace), is
 #: the same in two bands.
@@ -55,6 +57,10 @@ class Budget:
     outlier_rate: float = 0.0
     #: Standard error of the calibration; None on a relative scale.
     calibration: float | None = None
+
+    def position_slope(self, forward: SceneForward, values: Mapping[str, float]) -> Array:
+        """|gradient| of the readings, per metre, shape (n,); zeros where places are exact."""
+        return position_slope(forward, values) if self.position_m > 0 else np.zeros(forward.size)
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,9 @@ from lightfield.errors import FitError
 from lightfield.fitting.beam_width import beam_width_deg
 from lightfield.fitting.diffuse_light import DiffuseSource, has_diffuse_light
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.forward import READOUT, SceneForward
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import FitParameter
+from lightfield.fitting.reader import READOUT
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import cells_for, response_for
 from lightfield.scene import Scene
@@ -131,7 +132,7 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
     forward : SceneForward
     value : array, shape (n,)
     """
-    scene, names = forward.scene, forward.gain_names
+    scene, names = forward.scene, forward.gains.names
     # A gain is found from the light: a background would hide it.
     known = scene.parameters()
     start = {path: known[path].neutral or 0.0 for path in READOUT if path in known}
@@ -164,7 +165,7 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
         if not np.isfinite(gain) or gain <= 0:
             gain = 1.0
         begin, room = float(np.log(gain)), _GAIN_SIGMAS * (calibration_of(forward.readings) or 0.0)
-        low, high = (-room, room) if forward.is_absolute else (begin - GAIN_ROOM, begin + GAIN_ROOM)
+        low, high = (-room, room) if forward.gains.is_absolute else (begin - GAIN_ROOM, begin + GAIN_ROOM)
         gains.append(FitParameter(name, low, high, begin, _GAIN_STEP, "log"))
     return (*gains, *free)
 
@@ -260,10 +261,12 @@ def problem_of(
             rule="at least one reading differs from 0",
             remedy="check the column value",
         )
-    curves = forward.light.curves
-    known = curves.parameters if curves else {}
-    told = {field: basis.told for field, basis in curves.bases.items()} if curves else {}
-    setting = Setting(forward.scene, layout, signal, float(high - low), forward.is_absolute, known, told)
+    curves = forward.scenes.curves
+    known = curves.parameters
+    told = {field: basis.told for field, basis in curves.bases.items()}
+    setting = Setting(
+        forward.scene, layout, signal, float(high - low), forward.gains.is_absolute, known, told
+    )
     found, untestable = candidates(setting, effects, [p.path for p in base], without_diffuse)
     named = tuple(c for c in found if not c.effect.is_free_form)
     free_form = tuple(c for c in found if c.effect.is_free_form)

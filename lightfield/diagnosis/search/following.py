@@ -36,7 +36,7 @@ def scatters(problem: Problem, fit: Fit) -> bool:
     light = problem.forward.light
     if light.diffuse.trace is None:
         return False
-    scene = light.scene_at(fit.values, validate=False)
+    scene = light.scenes.at(fit.values, validate=False)
     return bool(
         scattering_per_m(scene.water, light.diffuse.wavelengths_nm).max() > _CLEAR_PER_M
     ) and describes(scene)
@@ -47,7 +47,7 @@ def is_followed(problem: Problem, values: Mapping[str, float]) -> bool:
     light = problem.forward.light
     if light.diffuse.trace is None or not isinstance(light.diffuse.solved, FollowedLight):
         return False
-    return not any(light.scene_at(values, validate=False).reflectances)
+    return not any(light.scenes.at(values, validate=False).reflectances)
 
 
 def scattering(problem: Problem, base: Fit) -> Fit | None:
@@ -74,7 +74,7 @@ def ratio_at(
     light: LightSource, values: Mapping[str, float], photons: float, seed: int
 ) -> tuple[Scene, Ratio]:
     """Trace where a fit lies."""
-    scene, r = light.scene_at(values, validate=False), light.readings
+    scene, r = light.scenes.at(values, validate=False), light.readings
     wet = (np.asarray(r.medium) != "air") & (np.asarray(r.z_m) > 0)
     x, y, z = (np.asarray(v, float)[wet] for v in (r.x_m, r.y_m, r.z_m))
     return scene, traced_ratio(scene, x, y, z, light.diffuse.wavelengths_nm, photons=photons, seed=seed)
@@ -87,8 +87,8 @@ def with_light(problem: Problem, traced: Sequence[tuple[Scene, Ratio]]) -> Probl
     response = before.response if isinstance(before, FollowedLight) else before
     field = before.field if isinstance(before, FollowedLight) else forward.light.diffuse.field
     assert isinstance(response, DiffuseResponse)
-    light = FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced, field)
-    return replace(problem, forward=forward.following(light))
+    followed = FollowedLight.of(response, (r.x_m, r.y_m, r.z_m), traced, field)
+    return replace(problem, forward=forward.with_light(forward.light.following(followed)))
 
 
 def following(problem: Problem, fit: Fit, seed: int, photons: float = PHOTONS) -> Problem:

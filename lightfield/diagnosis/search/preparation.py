@@ -308,8 +308,7 @@ def _errors_about(
     serial = Serial()
     if problem.keep.sum() - still.shape[1] > _SPARE_FOR_SERIAL:
         serial = serial_correlation(reference.residual, still, problem.keep, layout, 1.0 if stated else None)
-    forward, values = problem.forward, reference.values
-    slope = forward.position_slope(values) if budget.position_m > 0 else np.zeros(layout.size)
+    slope = budget.position_slope(problem.forward, reference.values)
     plain = Noise(layout, sigma, reference.prediction, budget, slope)
     noise = with_response_error(problem, plain, lit)
     excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())

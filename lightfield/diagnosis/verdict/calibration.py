@@ -22,7 +22,7 @@ from lightfield.diagnosis.search.rivals import MISSED, Limit
 from lightfield.diagnosis.search.search import Tried
 from lightfield.diagnosis.verdict.refutation import Judged
 from lightfield.errors import MeasurementError
-from lightfield.fitting.forward import POWER
+from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
 
@@ -124,16 +124,16 @@ def with_power(prepared: Prepared, finding: Finding, tried: Tried, power: Candid
     """An explanation with its gain put down to the lamp; the same prediction."""
     explanation = (*tried.explanation, power)
     known = dict(zip(tried.fit.paths, tried.fit.u, strict=True))
-    known[POWER] = power.amplitudes[0].start * np.exp(known[GAIN])
-    _check_power(known[POWER], power)
+    known[LAMP_POWER] = power.amplitudes[0].start * np.exp(known[GAIN])
+    _check_power(known[LAMP_POWER], power)
     model = prepared.problem.model(explanation)
     start = np.array([known[p.path] for p in model.parameters])
     adequacy = tried.adequacy or finding.level.adequacy
     test = tried.test or finding.level.bench.test
     fit = prepared.problem.fit(explanation, test.whiten, [start])
     calibration = prepared.noise.budget.calibration or 0.0
-    value, error = fit.values[POWER], fit.stderr(adequacy.phi)[POWER]
-    errors = {**tried.errors, POWER: float(np.hypot(calibration * value, error))}
+    value, error = fit.values[LAMP_POWER], fit.stderr(adequacy.phi)[LAMP_POWER]
+    errors = {**tried.errors, LAMP_POWER: float(np.hypot(calibration * value, error))}
     bic = tried.bic + float(np.log(finding.n))
     return replace(
         tried, explanation=explanation, fit=fit, bic=bic, adequacy=adequacy, test=test, errors=errors
@@ -171,8 +171,8 @@ def judged_power(prepared: Prepared, problem: Problem, finding: Finding) -> list
     found = any(c.name == EFFECT for c in best.explanation)
     phi = best.adequacy.phi if best.adequacy else finding.level.phi
     if found:
-        value = best.fit.values[POWER]
-        far = float(np.log(value / power.amplitudes[0].start)) * value / best.errors[POWER]
+        value = best.fit.values[LAMP_POWER]
+        far = float(np.log(value / power.amplitudes[0].start)) * value / best.errors[LAMP_POWER]
     else:
         far = sigmas_from_one(best.fit, phi, calibration)
         known = replace(prepared, problem=replace(problem, keep=prepared.problem.keep))

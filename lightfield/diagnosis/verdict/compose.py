@@ -118,8 +118,7 @@ def units_of(scene: Scene) -> dict[str, str]:
 
 def units_in(forward: SceneForward) -> dict[str, str]:
     """Unit of every scene parameter, and of the amplitudes of curves over these readings."""
-    curves = forward.light.curves
-    amplitudes = curves.parameters if curves else {}
+    amplitudes = forward.scenes.curves.parameters
     return units_of(forward.scene) | {path: parameter.unit for path, parameter in amplitudes.items()}
 
 
@@ -142,7 +141,7 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
             chi2_per_dof=s.chi2_per_dof,
             held_out_percent=finite(s.held_out_percent),
             parameters=values(s),
-            scene=found.forward.scene_at(s.fit.values).to_toml(),
+            scene=found.forward.scenes.at(s.fit.values).to_toml(),
             removed_percent=part,
         )
         for s, part in zip(found.steps, removed(found.steps, pure_error(finding)), strict=True)

@@ -70,10 +70,10 @@ def ranges_at_stop(values: Mapping[str, float]) -> dict[str, tuple[float, float]
 def fixed_light(forward: SceneForward, values: Mapping[str, float], arrays: PackedArrays) -> dict[str, Any]:
     """Readings and formula as numbers."""
     light = forward.light
-    direct = light.direct(light.scene_at(values, validate=False), forward.readings)
+    direct = light.direct(light.scenes.at(values, validate=False), forward.readings)
     return {
         "fixed": arrays.add(forward.predict(values)),
-        "formula": arrays.add(forward.read(direct, values)),
+        "formula": arrays.add(forward.reader.read(direct, values)),
     }
 
 
@@ -104,10 +104,10 @@ def moving_light(
         This light is not to be had so.
     """
     light, r = forward.light, forward.readings
-    scene, channel = light.scene_at(values, validate=False), light.diffuse.channels[1]
+    scene, channel = light.scenes.at(values, validate=False), light.diffuse.channels[1]
     direct = light.direct(scene, r)
     ray = rays(scene.lamp, *(np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)))
-    offset, once, twice = (forward.read(k * direct, values) for k in (0.0, 1.0, 2.0))
+    offset, once, twice = (forward.reader.read(k * direct, values) for k in (0.0, 1.0, 2.0))
     if not np.allclose(twice - once, once - offset, rtol=_LINEAR, atol=_LINEAR * float(np.abs(once).max())):
         raise FitError("readings are not in proportion to the light")
     response = light.diffuse.solved if light.diffuse.is_in(scene) else None
@@ -121,7 +121,7 @@ def moving_light(
         "albedo": scene.reflectances[0],
         "direct": arrays.add(direct),
         "way": arrays.add(ray.r),
-        "slope": arrays.add(forward.read(np.ones_like(direct), values) - offset),
+        "slope": arrays.add(forward.reader.read(np.ones_like(direct), values) - offset),
         "offset": arrays.add(offset),
         "diffuse": None,
         "most_per_m": most,
@@ -148,7 +148,7 @@ def _channels(
     share = 0.0 if response is None else response.clear.own_top.reference.molecular_share
 
     def coefficients(at: Mapping[str, float]) -> Array:
-        scene = light.scene_at(at, validate=False)
+        scene = light.scenes.at(at, validate=False)
         shift = scene.detector.wavelength_shift_nm
         w = read_nm(scene, light.diffuse.wavelengths_nm) if shift else light.diffuse.wavelengths_nm
         return np.array(coefficients_in(scene.water, w, share))

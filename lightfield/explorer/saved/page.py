@@ -108,7 +108,7 @@ def _stop(
         "described": [one for one in described["effects"] if one["on"]],
         "moves": {},
     }
-    names = e.forward.gain_names
+    names = e.forward.gains.names
     first: Shown = e.forward, values, names
     at_maps: list[Shown | None] = []
     if session.maps_ready:
@@ -117,7 +117,7 @@ def _stop(
             None if m is None else (m, {**values, GAIN: values[gain]}, (gain,))
             for m, gain in zip(maps, gains, strict=True)
         ]
-    why, moves = why_fixed(e, e.forward.scene_at(values, validate=False)), ranges_at_stop(values)
+    why, moves = why_fixed(e, e.forward.scenes.at(values, validate=False)), ranges_at_stop(values)
     if why is None:
         try:
             readings = moving_light(*first, moves, arrays)

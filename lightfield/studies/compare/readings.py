@@ -31,8 +31,9 @@ from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.fitted_curves import save_lamp, save_spectrum
-from lightfield.fitting.forward import Retraced, SceneForward
+from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
+from lightfield.fitting.retraced import Retraced
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
@@ -58,7 +59,7 @@ class Refit:
     @property
     def scene(self) -> Scene:
         """The fitted scene."""
-        return self.forward.scene_at(self.fit.values)
+        return self.forward.scenes.at(self.fit.values)
 
     @property
     def effects(self) -> list[str]:
@@ -68,7 +69,7 @@ class Refit:
     def corrected(self, whiten: Whiten, tracing: Mapping[str, Any]) -> Refit:
         """Fitted again with light that equals a fresh render of the fitted scene."""
         light, error = rendered_light(self.scene, self.forward.readings, **tracing)
-        forward = self.forward.corrected(light, error, self.fit.values)
+        forward = self.forward.with_light(self.forward.light.corrected(light, error, self.fit.values))
         problem = replace(self.problem, forward=forward)
         fit = problem.fit(self.explanation, whiten, [self.fit.u], tolerance=1e-6)
         return Refit(problem, self.explanation, fit)

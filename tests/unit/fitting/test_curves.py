@@ -124,7 +124,7 @@ def test_functions_are_orthonormal_and_leave_out_what_the_base_model_has(field: 
         up, down = (np.log(forward.predict({path: sign * step})) for sign in (1, -1))
         return (up - down) / (2 * step)
 
-    columns = np.stack([change(path) for path in forward.light.curves.bases[field].paths], axis=1)
+    columns = np.stack([change(path) for path in forward.scenes.curves.bases[field].paths], axis=1)
     if field == ABSORPTION:  # what it changes on the way to the first plane is a gain
         columns -= weight @ columns
     np.testing.assert_allclose(columns.T @ (weight[:, None] * columns), np.eye(columns.shape[1]), atol=1e-6)
@@ -275,7 +275,7 @@ def test_amplitudes_mean_the_same_at_other_places_and_of_some_readings() -> None
     some = table.subset(rows)
     places = {name: getattr(some, name) for name in ("x_m", "y_m", "z_m", "medium", "time_s")}
     np.testing.assert_allclose(forward.at(**places).predict(values), every[rows], rtol=1e-12)
-    stated = forward.scene_at(values)
+    stated = forward.scenes.at(values)
     again = SceneForward(Scene.from_toml(stated.to_toml()), table)
     np.testing.assert_allclose(again.predict({}), every, rtol=1e-12)
     # What the scene has stays, and is added to.
@@ -290,7 +290,7 @@ def test_a_fitted_profile_is_a_lamp_for_every_scene(tmp_path: Path) -> None:
     assert save_lamp(found.forward, replace(fit, model=found.model()), tmp_path) is None
     text = '[lamp]\nprofile = "table"\nintensity_table = "lamp.csv"\n[water]\nabsorption_per_m = 0.105\n'
     with_table = Scene.from_toml(text, folder=tmp_path)
-    with_curve = found.forward.scene_at({**fit.values, "water.absorption_per_m": PER_M})
+    with_curve = found.forward.scenes.at({**fit.values, "water.absorption_per_m": PER_M})
     lit = [direct_field(s, table.x_m, table.y_m, table.z_m) for s in (with_table, with_curve)]
     relative = [light / light.max() for light in lit]
     np.testing.assert_allclose(*relative, atol=3e-4)

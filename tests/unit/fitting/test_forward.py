@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from perturbed import changed
 
-from lightfield.fitting.forward import TRACES, Retraced, SceneForward
-from lightfield.formula.scattered.field import ScatteredField
+from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -57,7 +56,7 @@ def glowing(asked: list[dict[str, Any]] | None = None, **budget: Any) -> SceneFo
 def test_every_reading_has_the_light_and_the_error_of_its_own_colour() -> None:
     """Gains 2, 3 and 4 for the three colours; nothing scatters in air."""
     forward = glowing()
-    gains = dict(zip(forward.gain_names, (2.0, 3.0, 4.0), strict=True))
+    gains = dict(zip(forward.gains.names, (2.0, 3.0, 4.0), strict=True))
     dark = SceneForward(forward.scene, table())
     more = forward.predict(gains) - dark.predict(gains)
     expected = np.array([4 * 6.5, 2 * 4.5, 0.0, 0.0, 4 * 6.5, 3 * 5.5])
@@ -122,11 +121,9 @@ def test_light_corrected_by_a_render_is_the_render_there_and_follows_the_model_e
     forward, here, there = glowing(), {"water.absorption_per_m": 0.2}, {"water.absorption_per_m": 0.3}
     plain = forward.predict(there)
     render = np.linspace(0.5, 1.0, 6) * forward.predict(here)
-    first = forward.corrected(3 * render, np.zeros(6), here)
-    for corrected in (
-        forward.corrected(render, 0.01 * render, here),
-        first.corrected(render, 0.01 * render, here),
-    ):
+    first = forward.light.corrected(3 * render, np.zeros(6), here)
+    for light in (forward.light, first):
+        corrected = forward.with_light(light.corrected(render, 0.01 * render, here))
         assert corrected.predict(here) == pytest.approx(render)
         factor = render / forward.predict(here)
         assert corrected.predict(there) == pytest.approx(factor * plain)
@@ -136,61 +133,3 @@ def test_light_corrected_by_a_render_is_the_render_there_and_follows_the_model_e
         assert np.sqrt(more) == pytest.approx(0.01 * render)
         assert smooth == pytest.approx(factor * expected)
     assert forward.predict(there) == pytest.approx(plain, rel=1e-15)
-
-
-class WithoutPhotons(Glow):
-    """Scattered light as the small-angle solution has it, without an error."""
-
-    def __init__(self, *places: np.ndarray) -> None:
-        self.field = ScatteredField(*places)
-
-    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> np.ndarray:
-        return self.field.light(scene, wavelengths_nm)
-
-
-@pytest.mark.parametrize(("scattering", "most"), [(0.1, 0.1), (0.4, 0.1), (2.0, 0.33)])
-def test_how_readings_change_with_their_place_in_water_that_scatters(scattering: float, most: float) -> None:
-    """Beside finite differences of scattered light, which the slope takes to go aside with the lamp."""
-    x, z = (each.ravel() for each in np.meshgrid([0.0, 0.1, 0.3, 0.8], [1.5, 3.0, 6.0]))
-    water = {"absorption_per_m": 0.05 + 0.25 * scattering, "scattering_per_m": scattering}
-    scene = Scene.from_dict({"water": water, "lamp": {"hwhm_deg": 6.0}})
-
-    def predicted(along_x: float, along_z: float) -> np.ndarray:
-        return forward(along_x, along_z).predict({})
-
-    def forward(along_x: float = 0.0, along_z: float = 0.0) -> SceneForward:
-        places = {"x_m": x + along_x, "z_m": z + along_z, "value": np.ones(x.size)}
-        readings = Readings.from_arrays(**places, quantity="irradiance")
-        return SceneForward(scene, readings, lambda _, *places, **options: WithoutPhotons(*places))
-
-    step = 5e-4
-    aside = (predicted(step, 0.0) - predicted(-step, 0.0)) / (2 * step)
-    away = (predicted(0.0, step) - predicted(0.0, -step)) / (2 * step)
-    assert forward().position_slope({}) == pytest.approx(np.hypot(aside, away), rel=most)
-
-
-def test_light_is_traced_again_in_the_water_that_was_found() -> None:
-    """Once per water: the clear trace is remembered, and each dense one is made for the one who asked."""
-    asked: list[dict[str, Any]] = []
-
-    def source(scene: Scene, *places: np.ndarray, **options: Any) -> Glow:
-        asked.append(options)
-        return Glow()
-
-    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1, "scattering_per_m": 0.1}})
-    traces = Retraced(scene, table(), source)
-    for number, forward in enumerate(traces):
-        assert traces.left == TRACES - 1 - number
-        forward.predict({})
-        traces.asked = (2.0, None)[number]
-    assert asked == [{}, {"dense_per_m": 2.0}]
-
-
-def test_traces_end_where_every_fit_asks_for_another() -> None:
-    """Waters that a fit wanders between are no reason to trace for ever."""
-    traces = Retraced(Scene(), table(), None)
-    made = []
-    for forward in traces:
-        made.append(forward.light.diffuse.dense_per_m)
-        traces.asked = 1.0 + len(made)
-    assert made == [None, *(1.0 + k for k in range(1, TRACES))]

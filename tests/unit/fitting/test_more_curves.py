@@ -223,7 +223,7 @@ def test_a_lamp_spectrum_is_found_and_is_a_lamp_for_every_scene(tmp_path: Path) 
     forward = SceneForward(scene, table)
     path = save_spectrum(forward, fit, tmp_path)
     assert path == tmp_path / "lamp_spectrum.csv"
-    lamp = forward.scene_at(fit.values).lamp
+    lamp = forward.scenes.at(fit.values).lamp
     (power,) = (float(line.split("=")[1]) for line in path.read_text().splitlines() if "power_w" in line)
     written = {"spectrum": "table", "spectrum_table": str(path), "power_w": power, "hwhm_deg": lamp.hwhm_deg}
     again = Scene.from_dict({"lamp": written}).lamp

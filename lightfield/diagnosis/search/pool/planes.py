@@ -30,17 +30,16 @@ def water_may_do_it(pool: Pool, node: Node, candidate: Candidate) -> bool:
     if not any(field_of(p.path) == PLANES for p in candidate.amplitudes):
         return False
     problem, fit = pool.problem, node.fit
-    curves = problem.forward.light.curves
-    if curves is None or problem.layout.air.any():
+    if problem.layout.air.any():
         return False
-    basis = curves.bases[PLANES]
+    basis = problem.forward.scenes.curves.bases[PLANES]
     slopes = np.diff(basis.functions, axis=0) / np.diff(basis.place)[:, None]
     moved = np.zeros((len(slopes), len(fit.paths)))
     for k, path in enumerate(basis.paths):
         moved[:, fit.paths.index(path)] = -slopes[:, k]
     if _ABSORPTION in fit.paths:
         moved[:, fit.paths.index(_ABSORPTION)] = 1.0
-    water = problem.forward.scene_at(fit.values, validate=False).water
+    water = problem.forward.scenes.at(fit.values, validate=False).water
     least = float(np.min(attenuation_per_m(water, problem.forward.light.diffuse.wavelengths_nm)))
     between = least - slopes @ basis.amplitudes(fit.values)
     covariance = np.nan_to_num(fit.covariance(pool.ground.phi))

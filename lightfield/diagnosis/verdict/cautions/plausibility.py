@@ -15,7 +15,8 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.fitting.diffuse_light import has_diffuse_light
-from lightfield.fitting.forward import POWER, SceneForward
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
 from lightfield.scene import Scene
@@ -95,7 +96,7 @@ def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, fl
     band = np.mean(forward.scene.detector.bands_nm[0])
     at = np.where(np.isnan(layout.wavelength_nm), band, layout.wavelength_nm)[wet]
     guess = float(np.mean(absorption_per_m(forward.scene.water, at)))
-    fitted = float(np.mean(absorption_per_m(forward.scene_at(values, validate=False).water, at)))
+    fitted = float(np.mean(absorption_per_m(forward.scenes.at(values, validate=False).water, at)))
     felt = abs(fitted - guess) * float(np.ptp(layout.z_m[wet]))
     if guess <= 0 or felt < FELT or 1 / ABSORPTION_FACTOR < fitted / guess < ABSORPTION_FACTOR:
         return None
@@ -106,11 +107,11 @@ def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, fl
 
 def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) -> Caution | None:
     power = float(scene.lamp.power_w)
-    ratio = values.get(GAIN, 1.0) * values.get(POWER, power) / power
+    ratio = values.get(GAIN, 1.0) * values.get(LAMP_POWER, power) / power
     if calibration is None or abs(np.log(ratio)) < GAIN_SIGMA * calibration:
         return None
     told = {"ratio": ratio, "power_w": power, "calibration_percent": 100 * calibration}
-    return Caution(warns=Warns.GAIN, about=POWER, values=told)
+    return Caution(warns=Warns.GAIN, about=LAMP_POWER, values=told)
 
 
 def _of_band(forward: SceneForward, gain: Caution | None, calibration: float | None) -> Caution | None:

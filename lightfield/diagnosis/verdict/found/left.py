@@ -86,11 +86,12 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings, estimate
 def _pool(prepared: Prepared, finding: Finding, readings: Readings) -> tuple[Pool, Node, Explanation]:
     """Sets on the ground on which the finding was judged, the best of them, and the local unknowns."""
     problem, level = prepared.problem, finding.level
-    forward = problem.forward.with_effects(local_unknowns(readings))
+    forward = problem.forward
+    forward = forward.with_light(forward.light.with_effects(local_unknowns(readings)))
     mine = [e for e in effects_of(forward.scene) if e.name in ALONG]
     low, high = forward.scene.detector.bands_nm[0]
     signal = float(np.max(np.abs(problem.value[problem.keep > 0])))
-    setting = Setting(forward.scene, problem.layout, signal, float(high - low), forward.is_absolute)
+    setting = Setting(forward.scene, problem.layout, signal, float(high - low), forward.gains.is_absolute)
     possible, _ = candidates(setting, mine, [p.path for p in problem.base])
     local = tuple(map(_finely, possible))
     closest = finding.closest

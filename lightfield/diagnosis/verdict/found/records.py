@@ -86,7 +86,10 @@ def _rms_percent(candidate: Candidate, fit: Fit) -> float | None:
 
 def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:
     """At the wavelength of the first channel."""
-    scene, wavelength = forward.scene_at(fit.values, validate=False), forward.light.diffuse.wavelengths_nm[:1]
+    scene, wavelength = (
+        forward.scenes.at(fit.values, validate=False),
+        forward.light.diffuse.wavelengths_nm[:1],
+    )
     a, b = (float(of(scene.water, wavelength)[0]) for of in (absorption_per_m, scattering_per_m))
     width = stated_width_deg(scene.lamp)
     return WaterAndBeam(absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b, hwhm_deg=width)

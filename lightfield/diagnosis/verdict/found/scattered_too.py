@@ -138,5 +138,5 @@ def _joins(candidate: Candidate, best: Tried) -> bool:
 
 def _is_between_walls(problem: Problem, fit: Fit) -> bool:
     """Do walls reflect, as fitted?"""
-    scene = problem.forward.light.scene_at(fit.values, validate=False)
+    scene = problem.forward.light.scenes.at(fit.values, validate=False)
     return scene.tank is not None and scene.tank.wall_albedo > 0

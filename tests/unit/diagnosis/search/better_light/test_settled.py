@@ -332,6 +332,7 @@ def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool) -> No
     """A trace of it has no light whose ratio could be told."""
     scene = Scene.from_dict({"water": {"scattering_per_m": per_m}})
     diffuse = SimpleNamespace(trace=object(), wavelengths_nm=np.array([525.0]))
-    light = SimpleNamespace(diffuse=diffuse, scene_at=lambda values, validate: scene)
+    scenes = SimpleNamespace(at=lambda values, validate: scene)
+    light = SimpleNamespace(diffuse=diffuse, scenes=scenes)
     problem = SimpleNamespace(forward=SimpleNamespace(light=light))
     assert scatters(problem, SimpleNamespace(values={})) == (not is_clear)

@@ -1,0 +1,93 @@
+"""From light at the places of a table to its readings: gain, lamp power, then what the instrument does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.fitting.gains import Gains
+from lightfield.fitting.scene_of_values import REMEMBERED, Chosen, SceneOfValues, chosen
+from lightfield.formula import field as analytic
+from lightfield.formula import own
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import paths_on
+
+#: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
+READOUT = paths_on(Acts.READOUT)
+_READOUT, _TIME = frozenset(READOUT), frozenset(paths_on(Acts.TIME))
+#: Where the light comes from and which way it shines, of which formulas may speak.
+_POSE = frozenset(paths_on(Acts.SOURCE | Acts.BEAM))
+
+
+class Reader:
+    """Reads light at the places of a table.
+
+    Parameters
+    ----------
+    scenes : SceneOfValues
+    readings : Readings
+    gains : Gains
+    full : float
+        Reading that saturation is relative to.
+    """
+
+    def __init__(self, scenes: SceneOfValues, readings: Readings, gains: Gains, full: float) -> None:
+        self.scenes, self.readings, self.gains, self.full = scenes, readings, gains, full
+        self._time = np.nan_to_num(np.asarray(readings.time_s, float))
+        air = np.asarray(readings.medium) == "air"
+        spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
+        overlap = analytic.halves(spectrum, readings.wavelength_nm)
+        z_m = np.asarray(readings.z_m, float)
+        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap, z_m)
+
+    def read(self, field: Array, values: Mapping[str, float]) -> Array:
+        """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
+        signal = self.gains.of(values) * field * self.power(values) * self._own(values)
+        reading = analytic.readout(self._scene(values), signal, self.full, self._taken)
+        if not self.scenes.scene.effect:
+            return reading
+        return own.shown(self.scenes.of_those(values, _POSE), reading, self.full, *self._where)
+
+    def per_light(self, values: Mapping[str, float]) -> Array:
+        """Reading per unit of light, before saturation, shape (n,)."""
+        return self.gains.of(values) * self.power(values) * self.shown(values) * self._own(values)
+
+    def power(self, values: Mapping[str, float]) -> Array:
+        """Lamp power over its value at time zero, shape (n,)."""
+        return self._power(chosen(values, _TIME))
+
+    def shown(self, values: Mapping[str, float]) -> Array | float:
+        """Factors of the readout on all light: of the plane, and of readings in water."""
+        scene = self._scene(values)
+        gain = analytic.plane_gain(scene, self._taken.z_m)
+        return gain * analytic.immersed(scene, self._taken.in_air)
+
+    def _scene(self, values: Mapping[str, float]) -> Scene:
+        return self.scenes.of_those(values, _READOUT)
+
+    def _own(self, values: Mapping[str, float]) -> Array | float:
+        """What the user's own effects at source and receiver make of all light, shape (n,)."""
+        if not self.scenes.scene.effect:
+            return 1.0
+        return own.factor(self.scenes.of_those(values, _POSE), ("source", "receiver"), *self._where)
+
+    @property
+    def _where(self) -> tuple[Array, ...]:
+        r = self.readings
+        return r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.time_s
+
+    @cached_property
+    def _power(self) -> Callable[[Chosen], Array]:
+        """Lamp power over its value at time zero, shape (n,), for these values; read alone."""
+
+        def power(those: Chosen) -> Array:
+            factor = np.array(analytic.time_factor(self.scenes.of_chosen(those), self._time))
+            factor.setflags(write=False)
+            return factor
+
+        return lru_cache(REMEMBERED)(power)

@@ -1,0 +1,65 @@
+"""Which scene the values of a fit stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache
+
+from lightfield.fitting.curves import Curves, Stated, field_of
+from lightfield.fitting.parameter import is_gain
+from lightfield.scene import Scene
+from lightfield.scene.listed import OWN
+
+#: So many scenes are remembered: most steps of a fit change something else.
+REMEMBERED = 16
+
+Chosen = tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SceneOfValues:
+    """A scene whose parameters, and what amplitudes of curves stand for, take values.
+
+    Parameters
+    ----------
+    scene : Scene
+        Values that are not given are its own.
+    curves : Curves
+        What amplitudes of curves among the values stand for.
+    """
+
+    scene: Scene
+    curves: Curves
+
+    def at(self, values: Mapping[str, float], validate: bool = True) -> Scene:
+        """The scene with these values; gains are not part of a scene."""
+        return self.with_values({k: v for k, v in values.items() if not is_gain(k)}, validate)
+
+    def with_values(self, values: Mapping[str, float], validate: bool = False) -> Scene:
+        """The scene with values of its parameters, and of amplitudes of curves."""
+        return self.scene.with_values(self.stated(values), validate=validate)
+
+    def stated(self, values: Mapping[str, float]) -> Stated:
+        """Values as a scene takes them: nodes of curves in place of amplitudes."""
+        return self.curves.stated(values)
+
+    def of_those(self, values: Mapping[str, float], paths: frozenset[str]) -> Scene:
+        """The scene with those of the values that lie at some paths, see `chosen`."""
+        return self.of_chosen(chosen(values, paths))
+
+    def of_chosen(self, those: Chosen) -> Scene:
+        """The scene with these values; those of late are remembered."""
+        return self._remembered(those)
+
+    @cached_property
+    def _remembered(self) -> Callable[[Chosen], Scene]:
+        return lru_cache(REMEMBERED)(lambda those: self.with_values(dict(those)) if those else self.scene)
+
+
+def chosen(values: Mapping[str, float], paths: frozenset[str]) -> Chosen:
+    """Those of the values that lie at some paths, or in effects of the user's own, in one order."""
+    return tuple(sorted(v for v in values.items() if _field_of(v[0]) in paths or v[0].startswith(OWN)))
+
+
+_field_of = cache(field_of)

@@ -1,0 +1,48 @@
+"""How readings change with their place, beside light whose scattered part is known without photons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.position_slope import position_slope
+from lightfield.formula.scattered.field import ScatteredField
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+
+class WithoutPhotons:
+    """Scattered light as the small-angle solution has it, without an error."""
+
+    def __init__(self, *places: np.ndarray) -> None:
+        self.field = ScatteredField(*places)
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> np.ndarray:
+        return self.field.light(scene, wavelengths_nm)
+
+    def with_denser(self, other: WithoutPhotons) -> WithoutPhotons:
+        return self
+
+
+@pytest.mark.parametrize(("scattering", "most"), [(0.1, 0.1), (0.4, 0.1), (2.0, 0.33)])
+def test_how_readings_change_with_their_place_in_water_that_scatters(scattering: float, most: float) -> None:
+    """Beside finite differences of scattered light, which the slope takes to go aside with the lamp."""
+    x, z = (each.ravel() for each in np.meshgrid([0.0, 0.1, 0.3, 0.8], [1.5, 3.0, 6.0]))
+    water = {"absorption_per_m": 0.05 + 0.25 * scattering, "scattering_per_m": scattering}
+    scene = Scene.from_dict({"water": water, "lamp": {"hwhm_deg": 6.0}})
+
+    def predicted(along_x: float, along_z: float) -> np.ndarray:
+        return forward(along_x, along_z).predict({})
+
+    def forward(along_x: float = 0.0, along_z: float = 0.0) -> SceneForward:
+        places = {"x_m": x + along_x, "z_m": z + along_z, "value": np.ones(x.size)}
+        readings = Readings.from_arrays(**places, quantity="irradiance")
+        return SceneForward(scene, readings, lambda _, *places, **options: WithoutPhotons(*places))
+
+    step = 5e-4
+    aside = (predicted(step, 0.0) - predicted(-step, 0.0)) / (2 * step)
+    away = (predicted(0.0, step) - predicted(0.0, -step)) / (2 * step)
+    assert position_slope(forward(), {}) == pytest.approx(np.hypot(aside, away), rel=most)
