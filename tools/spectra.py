@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings, write_table
 from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene

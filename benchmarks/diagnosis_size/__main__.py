@@ -26,7 +26,7 @@ from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.fitting.diffuse_light import has_diffuse_light
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from threadpoolctl import threadpool_limits
 
 from lightfield.formula.vector import direct_flux, on_receivers
-from lightfield.render.flux.field import TracedField
+from lightfield.render.flux.traced_field import TracedField
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.studies.follower.design import (
@@ -38,8 +38,8 @@ from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.tracking import Tracker
-from lightfield.studies.following.light import light_of_mission
 from lightfield.studies.following.loop import run_loop
+from lightfield.studies.following.truth_and_belief import light_of_mission
 
 HERE = Path(__file__).resolve().parent
 SCENE = HERE.parents[1] / "scenes" / "leader_follower" / "turbid.toml"

@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.experiments.layouts import SECONDS_PER_READING, positions
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 

@@ -24,8 +24,8 @@ from lightfield.report.style import save_png
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.studies.regime import LEVELS, depth_within, regime_of, regime_plan, rows
-from lightfield.sweep.plan import SweepSettings
 from lightfield.sweep.runner import run_sweep
+from lightfield.sweep.sweep_plan import SweepSettings
 
 HERE = Path(__file__).resolve().parent
 WIDE, NARROW = "irradiance", "2 degree collimator"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path

@@ -15,7 +15,7 @@ from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import plan as planning
 from lightfield.diagnosis.expected import Together as Certainty
 from lightfield.diagnosis.search.cascade import ALPHA
-from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA
+from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA
 from lightfield.diagnosis.together import together
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.errors import UsageError

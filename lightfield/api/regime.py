@@ -13,9 +13,9 @@ from lightfield.api.result import OverAxes
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 from lightfield.studies import regime as regimes
-from lightfield.sweep.plan import SweepSettings
 from lightfield.sweep.results import open_store
 from lightfield.sweep.runner import run_sweep
+from lightfield.sweep.sweep_plan import SweepSettings
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,9 +14,9 @@ from lightfield.api.result import Result
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.sweep.axes import FORMS, Axis, axis_of, parse_axis
-from lightfield.sweep.plan import SweepSettings, make_plan
 from lightfield.sweep.results import axes_of, open_store
 from lightfield.sweep.runner import run_sweep
+from lightfield.sweep.sweep_plan import SweepSettings, make_plan
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -84,7 +84,7 @@ def _maps(args: argparse.Namespace) -> int:
 def _report(dataset: object, folder: Path) -> int:
     import xarray as xr
 
-    from lightfield.report.compare.layers import write_layers
+    from lightfield.report.compare.exr_layers import write_layers
     from lightfield.report.compare.page import terminal_table, write_comparison
     from lightfield.studies.compare.maps import as_text, compare
 

@@ -49,9 +49,9 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
     from lightfield.studies import regime
-    from lightfield.sweep.plan import SweepSettings
     from lightfield.sweep.results import open_store
     from lightfield.sweep.runner import run_sweep
+    from lightfield.sweep.sweep_plan import SweepSettings
 
     settings = SweepSettings(**DEFAULTS | given(args), maps=False)
     plan = regime.regime_plan(scene, settings)

@@ -23,9 +23,9 @@ from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.estimate import byte_size
-from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
+from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.zarrfile import size_on_disk
 
 EPILOG = f"""\

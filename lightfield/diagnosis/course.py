@@ -16,10 +16,10 @@ from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.cascade import Finding, search
 from lightfield.diagnosis.search.many import beyond_two, levelled
-from lightfield.diagnosis.search.pool.search import Data
+from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.progress import Progress
-from lightfield.diagnosis.search.search import Fitted
+from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, refutation
 from lightfield.diagnosis.verdict.found.scattered_too import (

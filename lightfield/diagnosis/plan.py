@@ -21,9 +21,9 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable, in_words
-from lightfield.diagnosis.search.following import can_follow, following, scattering
+from lightfield.diagnosis.search.followed import can_follow, following, scattering
 from lightfield.diagnosis.search.preparation import whitened_test
-from lightfield.diagnosis.search.rivals import (
+from lightfield.diagnosis.search.told_apart import (
     DETECTABLE_SIGMA,
     SAME_CLASS_SIGMA,
     Isolability,

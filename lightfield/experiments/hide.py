@@ -16,7 +16,7 @@ from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.errors import OutputError, UsageError
 from lightfield.experiments import unknowns
-from lightfield.experiments.curves import draw_curve, field_to_hide
+from lightfield.experiments.hidden_curves import draw_curve, field_to_hide
 from lightfield.experiments.layouts import LISTED, Order, scan
 from lightfield.experiments.measure import PHOTONS, Instrument, LightInDoubt, in_doubt, measure, rendered
 from lightfield.fitting import effects

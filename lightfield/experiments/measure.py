@@ -9,7 +9,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import Layout, layout_of
 from lightfield.fitting.forward import SceneForward
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene

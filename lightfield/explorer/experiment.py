@@ -25,7 +25,7 @@ from lightfield.fitting.diffuse_light import DiffuseSource, remembered
 from lightfield.fitting.effects.registry import effect_name
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.retraced import Retraced
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.parameters import Parameter

@@ -26,7 +26,7 @@ from lightfield.scene.water.coefficients import scattering_per_m
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-    from lightfield.formula.scattered.field import ScatteredField
+    from lightfield.formula.scattered.scattered_field import ScatteredField
     from lightfield.scene.water.water import Water
 
 #: Moments at which the scattered light of changing water is asked for: right to 1e-3 of it 8.5 m away in

@@ -14,7 +14,7 @@ from lightfield.fitting.curves import Curves
 from lightfield.fitting.diffuse_light import Diffuse, DiffuseLight, DiffuseSource
 from lightfield.fitting.parameter import is_gain
 from lightfield.fitting.scene_of_values import SceneOfValues
-from lightfield.formula import field as analytic
+from lightfield.formula import closed_form as analytic
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.fitting.gains import Gains
 from lightfield.fitting.scene_of_values import REMEMBERED, Chosen, SceneOfValues, chosen
-from lightfield.formula import field as analytic
+from lightfield.formula import closed_form as analytic
 from lightfield.formula import own
 from lightfield.readings import Readings
 from lightfield.scene import Scene

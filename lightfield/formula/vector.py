@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.formula.field import lamps_of_window, source
+from lightfield.formula.closed_form import lamps_of_window, source
 from lightfield.formula.path import optical_depth, rays
 from lightfield.scene import Scene
 

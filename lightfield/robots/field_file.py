@@ -19,7 +19,7 @@ from lightfield import __version__
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.formula.vector import direct_flux
-from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import axial_intensity

@@ -12,7 +12,7 @@ from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.scene import Scene
-from lightfield.scene.spectral.response import response_at, response_knots_nm
+from lightfield.scene.spectral.detector_response import response_at, response_knots_nm
 from lightfield.scene.water.coefficients import known_nm, molecular_per_m, scattering_per_m
 
 #: Equal parts of a band, over each of which the water is taken to be the same.

@@ -10,8 +10,8 @@ from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
+from lightfield.scene.spectral.detector_response import COLUMNS, response_at, response_knots_nm
 from lightfield.scene.spectral.peaks import Peak, way_written
-from lightfield.scene.spectral.response import COLUMNS, response_at, response_knots_nm
 from lightfield.storage.tables import read_columns, readable
 
 Metres = Annotated[float, Field(strict=True)]

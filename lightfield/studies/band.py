@@ -19,11 +19,11 @@ import xarray as xr
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
 from lightfield.scene import Detector, Scene
 from lightfield.scene.lamp.spectrum import axial_intensity
-from lightfield.scene.spectral.response import SILICON, response_at
+from lightfield.scene.spectral.detector_response import SILICON, response_at
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.storage.tables import read_columns
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light

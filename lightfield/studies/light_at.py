@@ -11,7 +11,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.fitting.diffuse_light import DiffuseSource
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_band

@@ -18,7 +18,7 @@ from lightfield.arrays import Array
 from lightfield.scene import Scene
 from lightfield.studies.compare.maps import SIGMAS
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis
-from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
+from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 
 OPTICAL_DEPTHS = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0)
 ALBEDOS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.errors import LightfieldError
-from lightfield.formula.field import direct_field, lamps_of_window, optical_depth, rays
+from lightfield.formula.closed_form import direct_field, lamps_of_window, optical_depth, rays
 from lightfield.maps.cells import axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
 from lightfield.render.response.grid import Grid

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import sqrt
 
 from lightfield.progress import duration
-from lightfield.sweep.plan import SweepPlan
 from lightfield.sweep.sharing import Trace
+from lightfield.sweep.sweep_plan import SweepPlan
 
 # Of one core of an ordinary machine; they serve the estimate alone.
 PHOTONS_PER_SECOND = 1.5e5

@@ -15,9 +15,9 @@ from lightfield.errors import LightfieldError, OutputError, RenderError, one_lin
 from lightfield.storage.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import check_workers, connected
-from lightfield.sweep.plan import Block, SweepPlan
 from lightfield.sweep.schema import SweepKind, attributes, coordinates, variables_of
 from lightfield.sweep.store import SweepStore
+from lightfield.sweep.sweep_plan import Block, SweepPlan
 from lightfield.sweep.work import BlockDone, TraceDone, do_block, do_trace, map_target, topic_of
 
 Report = Callable[["SweepProgress"], None]

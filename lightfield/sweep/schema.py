@@ -15,7 +15,7 @@ from lightfield import __version__
 from lightfield.maps.dataset import QUANTITIES
 from lightfield.render.response.grid import Grid
 from lightfield.sweep.axes import COMPOUND, Axis
-from lightfield.sweep.plan import SweepPlan
+from lightfield.sweep.sweep_plan import SweepPlan
 from lightfield.sweep.zarrfile import Variable
 
 STATUS = ("pending", "done", "failed")

@@ -28,8 +28,8 @@ from lightfield.render.response.store import FORMAT as TRANSPORT_FORMAT
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import journal, zarrfile
-from lightfield.sweep.plan import SweepPlan
 from lightfield.sweep.schema import MESSAGE, SweepKind, axes_as_plain
+from lightfield.sweep.sweep_plan import SweepPlan
 
 FORMAT = 3  # of the store; raised whenever the same plan would give other numbers
 

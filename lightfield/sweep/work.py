@@ -34,10 +34,10 @@ from lightfield.storage.files import atomic_path
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.derived import Formula, derive
-from lightfield.sweep.plan import Block, SweepPlan, SweepSettings
 from lightfield.sweep.schema import derived_variables, quantity_of
 from lightfield.sweep.sharing import Trace
 from lightfield.sweep.store import trace_file
+from lightfield.sweep.sweep_plan import Block, SweepPlan, SweepSettings
 from lightfield.sweep.zarrfile import Variable
 
 EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go

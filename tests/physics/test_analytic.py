@@ -18,7 +18,7 @@ from scipy.integrate import quad
 from scipy.stats import chi2
 
 from lightfield.errors import SceneError
-from lightfield.formula.field import direct_field, paper_model, predict, readout, time_factor
+from lightfield.formula.closed_form import direct_field, paper_model, predict, readout, time_factor
 from lightfield.scene import Detector, Lamp, Scene, Water
 
 LN2 = math.log(2)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from lightfield.arrays import Array
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.at_readings import AtPlaces
 from lightfield.render.diffuse.bending import surrounded

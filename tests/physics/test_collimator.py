@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plain_walk import Arrived, walk
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.maps import render_scene

@@ -10,9 +10,9 @@ from montecarlo import keeps_its_rate, least_p, same_light_p
 from scipy import stats
 
 from lightfield.errors import RenderError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.formula.vector import direct_flux, on_receivers
-from lightfield.render.flux.field import Region, TracedField, traced_field
+from lightfield.render.flux.traced_field import Region, TracedField, traced_field
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 

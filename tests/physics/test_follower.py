@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.render.flux.field import Region, TracedField, traced_field
+from lightfield.render.flux.traced_field import Region, TracedField, traced_field
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import CLEAR, EXACT, FITTED, RELATIVE, belief, believed
 from lightfield.studies.follower.design import ArraySetting, judged_array, task_poses

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from lightfield.formula.field import direct_field
-from lightfield.formula.scattered.field import ScatteredField
+from lightfield.formula.closed_form import direct_field
+from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share

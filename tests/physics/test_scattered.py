@@ -9,7 +9,6 @@ import pytest
 from scattering_water import scene
 from scipy.special import j0
 
-from lightfield.formula.scattered.field import ScatteredField, describes
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
 from lightfield.formula.scattered.nodes import (
     emission,
@@ -20,6 +19,7 @@ from lightfield.formula.scattered.nodes import (
     near,
     turns,
 )
+from lightfield.formula.scattered.scattered_field import ScatteredField, describes
 from lightfield.formula.scattered.single import LitPaths, Resolution, single_paths
 from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.lamp.lamp import Lamp

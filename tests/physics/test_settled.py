@@ -14,7 +14,7 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem import problem
 from lightfield.diagnosis.verdict.trust import error_scale
-from lightfield.formula.scattered.field import ScatteredField
+from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.render.diffuse.followed import FollowedLight
 from lightfield.render.diffuse.ratio import TRUNCATION, traced_ratio
 from lightfield.render.diffuse.source import response_for

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from montecarlo import cell_average, chi_square_p, normal_scores
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.render.backend import use_backend
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene

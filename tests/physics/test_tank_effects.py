@@ -13,7 +13,7 @@ from analytic_readings import readings
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.light_source import LightSource
-from lightfield.formula.field import direct_field, predict
+from lightfield.formula.closed_form import direct_field, predict
 from lightfield.readings import Readings
 from lightfield.render.at_readings import render_positions, rendered_light
 from lightfield.scene import Scene

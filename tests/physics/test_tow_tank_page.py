@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from lightfield.formula.field import direct_field, paper_model
+from lightfield.formula.closed_form import direct_field, paper_model
 from lightfield.readings import read_table
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene

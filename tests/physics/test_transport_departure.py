@@ -14,11 +14,11 @@ from montecarlo import keeps_its_rate, least_p
 from scipy import stats
 
 from lightfield.experiments.layouts import scan
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
+from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.directed import Keeper
-from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.render.diffuse.source import PHOTONS, response_for
 from lightfield.render.tracer.accumulate import BATCHES, DIRECTION_BATCHES
 from lightfield.scene import Scene

@@ -13,7 +13,7 @@ import pytest
 from beams import aside, ies
 from montecarlo import cell_average, chi_square_p, normal_scores
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.render.direct import points_of_disc
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.scene import Scene

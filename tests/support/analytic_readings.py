@@ -9,7 +9,7 @@ import numpy as np
 
 from lightfield.experiments.layouts import Order, scan
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 

@@ -35,7 +35,7 @@ VARY = ("--vary", "lamp.hwhm_deg=3,4,5,6", "--vary", "water.scattering_per_m=0:0
 BUDGET = ("--max-photons", "2e4", "--rel-error", "0.5")
 # Small blocks, so that a small sweep has many of them.
 SMALL_BLOCK = 11
-SMALL_BLOCKS = f"import lightfield.sweep.plan as p; p.BLOCK_CASES = {SMALL_BLOCK}; "
+SMALL_BLOCKS = f"import lightfield.sweep.sweep_plan as p; p.BLOCK_CASES = {SMALL_BLOCK}; "
 MAIN = "import sys; from lightfield.cli import main; sys.exit(main(sys.argv[1:]))"
 
 
@@ -52,7 +52,7 @@ def in_process(
     words = ["sweep", str(scene), *vary, *BUDGET, "-o", str(store), *more]
     output, errors = io.StringIO(), io.StringIO()
     with (
-        mock.patch("lightfield.sweep.plan.BLOCK_CASES", SMALL_BLOCK),
+        mock.patch("lightfield.sweep.sweep_plan.BLOCK_CASES", SMALL_BLOCK),
         contextlib.redirect_stdout(output),
         contextlib.redirect_stderr(errors),
     ):

@@ -15,7 +15,7 @@ import pytest
 
 from lightfield import cli
 from lightfield.commands._line import prepared
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import read_table
 from lightfield.scene import Scene
 

@@ -28,9 +28,9 @@ from lightfield.errors import OutputError
 from lightfield.scene import Scene
 from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.axes import parse_axis
-from lightfield.sweep.plan import SweepSettings, make_plan
 from lightfield.sweep.results import open_store
 from lightfield.sweep.runner import run_sweep
+from lightfield.sweep.sweep_plan import SweepSettings, make_plan
 from lightfield.sweep.zarrfile import Variable, metadata_files, refuse_foreign_metadata
 
 ARRAY = "status/.zarray"

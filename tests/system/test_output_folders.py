@@ -19,8 +19,8 @@ from lightfield.cli import main
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 from lightfield.sweep.axes import parse_axis
-from lightfield.sweep.plan import SweepSettings, make_plan
 from lightfield.sweep.runner import run_sweep
+from lightfield.sweep.sweep_plan import SweepSettings, make_plan
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 HIDDEN = f"{SCENES}/hidden_effect/data.csv --scene {SCENES}/hidden_effect/scene.toml"

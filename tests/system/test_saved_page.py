@@ -20,7 +20,7 @@ import pytest
 from lightfield.arrays import Array
 from lightfield.explorer.saved.page import page_html, some_places
 from lightfield.explorer.session import Session
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for

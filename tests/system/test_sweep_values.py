@@ -21,8 +21,8 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import over_band
 from lightfield.studies.compare.maps import closed_form
 from lightfield.sweep.axes import parse_axis
-from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.runner import SweepProgress, run_sweep
+from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 
 SCENE = Scene.from_toml(
     """

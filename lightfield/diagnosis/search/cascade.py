@@ -16,11 +16,11 @@ import numpy as np
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.own_judge import OwnErrors
+from lightfield.diagnosis.search.pool.any_number import Many
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
-from lightfield.diagnosis.search.pool.search import Many
 from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at
 from lightfield.diagnosis.search.progress import SILENT, Progress
-from lightfield.diagnosis.search.search import (
+from lightfield.diagnosis.search.small_sets import (
     Fitted,
     Tried,
     accepted,

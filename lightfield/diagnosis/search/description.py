@@ -17,7 +17,7 @@ from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.own_errors import from_valleys, objective, on_sample, under_own_errors
-from lightfield.diagnosis.search.search import Fitted, Tried, fit_pairs, fit_singles
+from lightfield.diagnosis.search.small_sets import Fitted, Tried, fit_pairs, fit_singles
 from lightfield.fitting.least_squares import Fit
 
 #: Effects that describe the readings worse than the best one by this factor in chi-square will not do.

@@ -10,14 +10,14 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
+from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
-from lightfield.diagnosis.search.pool.search import Data, Many, search_many
 from lightfield.diagnosis.search.preparation import Bench, Prepared
 from lightfield.diagnosis.search.progress import Progress
-from lightfield.diagnosis.search.search import Tried, bic, weights
+from lightfield.diagnosis.search.small_sets import Tried, bic, weights
 
 #: Accepted sets that are tested and told, and sets that came near them.
 _ACCEPTED, _NEAR = 8, 12

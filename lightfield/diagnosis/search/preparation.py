@@ -37,7 +37,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.quoted import errors_stated, smooth_stderr
 from lightfield.diagnosis.search.description import describe
 from lightfield.diagnosis.search.own_errors import with_response_error
-from lightfield.diagnosis.search.search import Fitted
+from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.fitting.least_squares import Fit
 
 #: Replicates of the bootstrap: the smallest p is 0.001, a tenth of the level of a test.

@@ -18,7 +18,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.rivals import separation
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.told_apart import separation
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.scene import Tank

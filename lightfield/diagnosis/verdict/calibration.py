@@ -18,8 +18,8 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import GAIN_ROOM
 from lightfield.diagnosis.search.cascade import Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.rivals import MISSED, Limit
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.told_apart import MISSED, Limit
 from lightfield.diagnosis.verdict.refutation import Judged
 from lightfield.errors import MeasurementError
 from lightfield.fitting.gains import LAMP_POWER

@@ -13,8 +13,8 @@ from lightfield.arrays import Array, finite
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.rivals import SAME_CLASS_SIGMA, detection_limits, nearest_rival
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA, detection_limits, nearest_rival
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints

@@ -22,7 +22,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
 from lightfield.diagnosis.verdict.stated import CONTRADICTED_SIGMA
 from lightfield.fitting import effects

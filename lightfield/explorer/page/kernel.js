@@ -1,6 +1,6 @@
 "use strict";
 // The kernel of a saved page: light of a stop for other water, walls, gain and background. It follows
-// lightfield/render/diffuse/portable.py, shift.py and formula/field.py, and is held to them within 1e-3.
+// lightfield/render/diffuse/portable.py, shift.py and formula/closed_form.py, and is held to them within 1e-3.
 LF.kernel = {};
 
 LF.kernel.half = (h) => {

@@ -2,9 +2,9 @@
 
 Every rung of the ladder, and the state that is shown, is a stop: lamp, phase function and surface are fixed
 there, water, walls, gain and background move, at every wavelength. What is moved is evaluated as
-`render/diffuse/portable.py` and `formula/field.py` say, in JavaScript (`page/kernel.js`), held to Python
-within 1e-3 by a test in a browser. Where light is not to be had so (water that changes in time, saturation),
-a stop shows its numbers, moves nothing, and says why.
+`render/diffuse/portable.py` and `formula/closed_form.py` say, in JavaScript (`page/kernel.js`), held to
+Python within 1e-3 by a test in a browser. Where light is not to be had so (water that changes in time,
+saturation), a stop shows its numbers, moves nothing, and says why.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lightfield.explorer.described import state_data
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.places import SIDE
 from lightfield.explorer.saved.arrays import PackedArrays
-from lightfield.explorer.saved.light import fixed_light, moving_light, ranges_at_stop, why_fixed
+from lightfield.explorer.saved.moving_light import fixed_light, moving_light, ranges_at_stop, why_fixed
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward

@@ -1,4 +1,4 @@
-"""Effects on readings in air: the window bends the beam, I(theta / n) / n^2 (`formula/field.py`)."""
+"""Effects on readings in air: the window bends the beam, I(theta / n) / n^2 (`formula/closed_form.py`)."""
 
 from __future__ import annotations
 

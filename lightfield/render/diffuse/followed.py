@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.field import ScatteredField, describes
+from lightfield.formula.scattered.scattered_field import ScatteredField, describes
+from lightfield.render.diffuse.diffuse_response import REFLECTED, SCATTERED, DiffuseResponse
 from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
-from lightfield.render.diffuse.response import REFLECTED, SCATTERED, DiffuseResponse
 from lightfield.scene import Scene
 from lightfield.scene.all_parameters import neutral_values
 from lightfield.scene.water.water import Water

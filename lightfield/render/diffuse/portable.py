@@ -20,7 +20,7 @@ from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
-from lightfield.render.diffuse.response import REFLECTED, DiffuseResponse
+from lightfield.render.diffuse.diffuse_response import REFLECTED, DiffuseResponse
 from lightfield.render.diffuse.shift import ShiftParts
 from lightfield.render.diffuse.traced import TracedLight, TracedWater
 from lightfield.render.reflected.room import C_STEP

@@ -14,8 +14,8 @@ from lightfield.errors import RenderError
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.between_g import SHAPES, BetweenG
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
+from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.directed import DirectedTrace, Keeper
-from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
 from lightfield.render.reflected.light import ReflectedLight, applies

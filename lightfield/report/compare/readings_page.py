@@ -11,7 +11,7 @@ from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.report.diagnosis.drawn import drawn_readings
 from lightfield.report.diagnosis.figures import data_figure, residual_map
 from lightfield.report.diagnosis.ladder import ladder_figure
-from lightfield.report.diagnosis.places import measured_figure, place_map
+from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import Prediction, ReadingsView
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page

@@ -8,8 +8,8 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
-from lightfield.diagnosis.search.rivals import separation
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.told_apart import separation
 from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.fitting.fitted_curves import fitted_curves
 from lightfield.fitting.least_squares import Fit

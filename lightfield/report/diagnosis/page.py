@@ -28,7 +28,7 @@ from lightfield.report.diagnosis.figures import (
     signature_figure,
 )
 from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
-from lightfield.report.diagnosis.places import measured_figure, place_map
+from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView
 from lightfield.report.page import PageFigure, fill, page_figure, write_page
 from lightfield.report.tank import tank_figure

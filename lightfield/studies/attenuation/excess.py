@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.fitting.diffuse_light import DiffuseSource
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, Acts
 from lightfield.scene.all_parameters import without

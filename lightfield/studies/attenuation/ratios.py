@@ -19,7 +19,7 @@ from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, WAVELENGTH_DECIM
 from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE
 from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
-from lightfield.formula.field import direct_field, time_factor
+from lightfield.formula.closed_form import direct_field, time_factor
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import ATTENUATION, Acts

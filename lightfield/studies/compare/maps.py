@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter
 
 from lightfield.arrays import Array, finite
 from lightfield.errors import UsageError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.maps.cells import cell_mean, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene

@@ -19,7 +19,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.search.better_light.settling import settle
-from lightfield.diagnosis.search.following import can_follow, scatters
+from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare_problem
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.cautions.caution import Caution

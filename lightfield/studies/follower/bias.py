@@ -36,7 +36,7 @@ from lightfield.studies.follower.light import (
     pose_names,
 )
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.search import find_minima
+from lightfield.studies.follower.pose_search import find_minima
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.light_at import refuse_dark
 

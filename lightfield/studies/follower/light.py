@@ -11,7 +11,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers
-from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, molecular_share

@@ -21,8 +21,8 @@ from lightfield.studies.follower.frames import POSE, in_degrees, in_frame
 from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
 from lightfield.studies.follower.light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.rivals import RivalPose, others
-from lightfield.studies.follower.search import Minima, box_of, find_minima, starts_in
+from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
+from lightfield.studies.follower.rival_poses import RivalPose, others
 from lightfield.studies.follower.survey import array_of
 
 #: Poses a first search starts from: one in every eighth of the formation space.

@@ -17,8 +17,8 @@ from lightfield.studies.follower.frames import POSE, pose_of
 from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
 from lightfield.studies.follower.light import ArrayModel, Space, light_of, pose_names
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.rivals import RivalPose, rivals
-from lightfield.studies.follower.search import box_of
+from lightfield.studies.follower.pose_search import box_of
+from lightfield.studies.follower.rival_poses import RivalPose, rivals
 
 #: Places across and along the formation space of a map.
 ACROSS, ALONG = 9, 9

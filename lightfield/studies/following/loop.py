@@ -24,8 +24,8 @@ from lightfield.studies.follower.light import Light, Space, pose_names
 from lightfield.studies.follower.noise import PERCENT, SensorNoise
 from lightfield.studies.following.control import Law, law_of
 from lightfield.studies.following.leader import way_of
-from lightfield.studies.following.light import Truth, belief_of, space_of_mission
 from lightfield.studies.following.observer import Observer
+from lightfield.studies.following.truth_and_belief import Truth, belief_of, space_of_mission
 from lightfield.studies.following.vehicle import STEERED, VEHICLES, Vehicle
 
 #: Longest step of the vehicle, s (Fossen's simulators use the same).

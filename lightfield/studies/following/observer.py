@@ -12,8 +12,8 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import ArrayModel, Space
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
-from lightfield.studies.follower.rivals import NEAR_SIGMA
-from lightfield.studies.follower.search import box_of, find_minima
+from lightfield.studies.follower.pose_search import box_of, find_minima
+from lightfield.studies.follower.rival_poses import NEAR_SIGMA
 from lightfield.studies.follower.tracking import Filter
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a

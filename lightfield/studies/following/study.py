@@ -18,9 +18,9 @@ from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
-from lightfield.studies.following.light import densest_per_m, light_of_mission
 from lightfield.studies.following.loop import Track, run_loop
 from lightfield.studies.following.metrics import METRICS, OverRuns, metrics_of
+from lightfield.studies.following.truth_and_belief import densest_per_m, light_of_mission
 
 #: In words, what a follower believes.
 BELIEFS = {

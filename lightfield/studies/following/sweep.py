@@ -19,12 +19,11 @@ from lightfield.render.limits import PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
-from lightfield.studies.following.light import densest_per_m
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, OverRuns
 from lightfield.studies.following.study import follow, with_belief
+from lightfield.studies.following.truth_and_belief import densest_per_m
 from lightfield.sweep.axes import Axis
 from lightfield.sweep.cases import Cases
-from lightfield.sweep.plan import Block, SweepPlan, SweepSettings, plan_of_single_cases
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
 from lightfield.sweep.schema import (
     SweepKind,
@@ -33,6 +32,7 @@ from lightfield.sweep.schema import (
     axis_variables,
     state_variables,
 )
+from lightfield.sweep.sweep_plan import Block, SweepPlan, SweepSettings, plan_of_single_cases
 from lightfield.sweep.work import BlockDone, peak_bytes, worker_name, write_block
 from lightfield.sweep.zarrfile import Variable
 

@@ -24,7 +24,7 @@ from scipy.special import erfc, erfcinv
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
-from lightfield.formula.field import direct_field, refuse_pencil
+from lightfield.formula.closed_form import direct_field, refuse_pencil
 from lightfield.progress import step
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift

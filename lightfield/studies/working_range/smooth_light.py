@@ -21,7 +21,7 @@ from numpy.polynomial import chebyshev
 from lightfield.arrays import Array
 from lightfield.formula.scattered.nodes import in_cell
 from lightfield.formula.vector import direct_flux, on_receivers
-from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.render.response.grid import COMPONENTS, Grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene

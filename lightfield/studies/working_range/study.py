@@ -26,7 +26,7 @@ from lightfield.render.limits import check_photons
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.parameters import told
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
-from lightfield.studies.working_range.field import RADII, SmoothField
+from lightfield.studies.working_range.around_axis import RADII, SmoothField
 from lightfield.studies.working_range.poses import known_poses
 from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, pose_sigmas
 

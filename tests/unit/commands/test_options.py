@@ -13,7 +13,7 @@ from lightfield.commands._options import OPTIONS, photon_count, seed_number
 from lightfield.errors import LightfieldError, UsageError
 from lightfield.render.limits import PHOTONS, SEED
 from lightfield.render.settings import Settings
-from lightfield.sweep.plan import SweepSettings
+from lightfield.sweep.sweep_plan import SweepSettings
 
 
 @pytest.mark.parametrize("command", COMMANDS)

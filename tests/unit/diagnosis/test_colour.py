@@ -13,7 +13,7 @@ from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem.untestable import in_words
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings

@@ -7,7 +7,7 @@ import pytest
 
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument, LightAtReadings, in_doubt, measure
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.scene import Scene
 
 

@@ -21,7 +21,7 @@ from lightfield.explorer.fits import Fits
 from lightfield.explorer.jobs import climbed, verdict_data
 from lightfield.explorer.session import Session
 from lightfield.fitting.forward import SceneForward
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.readings.table.write import dumps
 from lightfield.render.diffuse.dense_water import REACH

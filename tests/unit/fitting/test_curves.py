@@ -26,7 +26,7 @@ from lightfield.fitting.curves import ABSORPTION, NODES, POWER, PROFILE
 from lightfield.fitting.fitted_curves import FittedCurve, fitted_curves, save_lamp
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import relative_intensity

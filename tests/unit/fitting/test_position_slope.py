@@ -9,7 +9,7 @@ import pytest
 
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.position_slope import position_slope
-from lightfield.formula.scattered.field import ScatteredField
+from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.errors import SceneError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
 

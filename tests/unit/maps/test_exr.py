@@ -23,7 +23,7 @@ from lightfield.maps.exr import (
     write_spectral_exr,
 )
 from lightfield.render.picture import exposure, tone_mapped
-from lightfield.report.compare.layers import write_layers
+from lightfield.report.compare.exr_layers import write_layers
 from lightfield.studies.compare.maps import compare
 
 WAVELENGTHS = np.array([95.5, 500.0, 525.0, 1000.0])  # alphabetical order of the channels is another one

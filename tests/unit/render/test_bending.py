@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from lightfield.render.diffuse.bending import NEIGHBOURS_2D, TalliedCells, surrounded
-from lightfield.render.diffuse.response import SCATTERED_ERROR
+from lightfield.render.diffuse.diffuse_response import SCATTERED_ERROR
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.source import CELL_M
 from lightfield.render.response.grid import Grid, positions_grid

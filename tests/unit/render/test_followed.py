@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightfield.formula.scattered.field import ScatteredField
+from lightfield.formula.scattered.scattered_field import ScatteredField
+from lightfield.render.diffuse.diffuse_response import REFLECTED, SCATTERED
 from lightfield.render.diffuse.followed import FollowedLight
 from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
-from lightfield.render.diffuse.response import REFLECTED, SCATTERED
 from lightfield.scene import Scene
 
 X, Z = np.array([0.0, 0.3, 0.8]), np.array([3.0, 4.0, 5.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.arrays import Array
-from lightfield.render.flux.field import Region, TracedField
+from lightfield.render.flux.traced_field import Region, TracedField
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene
 

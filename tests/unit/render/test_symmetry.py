@@ -11,7 +11,7 @@ import pytest
 from beams import aside, phi_table
 from perturbed import changed
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.render.reflected.light import ReflectedLight
 from lightfield.render.response.symmetry import symmetric
 from lightfield.scene import Scene

@@ -14,7 +14,7 @@ from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import data_figure, residual_map, signature_figure
 from lightfield.report.diagnosis.page import _lead, diagnosis_page, write_diagnosis
-from lightfield.report.diagnosis.places import measured_figure, place_map
+from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 from lightfield.report.tank import tank_figure
 from lightfield.scene import Tank

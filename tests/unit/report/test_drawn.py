@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.diagnosis.search.rivals import separation
+from lightfield.diagnosis.search.told_apart import separation
 from lightfield.report.diagnosis.drawn import view_of
 from lightfield.report.diagnosis.view import Separation
 

@@ -9,9 +9,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from lightfield import cli
 from lightfield.errors import UsageError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.maps.dataset import write_netcdf
-from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.robots.field_file import Asked, field_dataset
 from lightfield.scene import Scene
 

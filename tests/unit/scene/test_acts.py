@@ -14,7 +14,7 @@ import pytest
 from perturbed import FIELDS, changed
 
 from lightfield.fitting.diffuse_light import has_diffuse_light
-from lightfield.formula.field import lamps_of_window, receiver, source
+from lightfield.formula.closed_form import lamps_of_window, receiver, source
 from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import Halves, Taken, readout, time_factor
 from lightfield.render.maps import transport_key
@@ -28,7 +28,7 @@ from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
-from lightfield.scene.spectral.response import response_at
+from lightfield.scene.spectral.detector_response import response_at
 from lightfield.scene.water.ageing import growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.layers import is_layered

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.maps.dataset import to_dataset
 from lightfield.render.at_readings import render_positions
 from lightfield.render.maps import render_scene

@@ -10,7 +10,7 @@ import pytest
 
 from lightfield.errors import SceneError
 from lightfield.fitting.forward import SceneForward
-from lightfield.formula.field import direct_field, predict
+from lightfield.formula.closed_form import direct_field, predict
 from lightfield.formula.own import lit
 from lightfield.readings import Readings
 from lightfield.scene import Scene

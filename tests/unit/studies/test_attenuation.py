@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lightfield.errors import MeasurementError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.readings.importing.importer import import_index
 from lightfield.scene import Scene

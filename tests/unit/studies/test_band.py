@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield.errors import SceneError, UsageError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.report.band import band_page
 from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import spectral_power

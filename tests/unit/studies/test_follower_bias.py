@@ -24,7 +24,7 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound
 from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.search import find_minima
+from lightfield.studies.follower.pose_search import find_minima
 
 SCENE = Scene.from_dict(
     {

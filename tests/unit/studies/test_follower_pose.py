@@ -16,8 +16,8 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
-from lightfield.studies.follower.rivals import rivals
-from lightfield.studies.follower.search import box_of
+from lightfield.studies.follower.pose_search import box_of
+from lightfield.studies.follower.rival_poses import rivals
 from lightfield.studies.follower.sequence import Lost, poses_of
 from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracker

@@ -16,10 +16,10 @@ from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.light import ArrayModel, FormulaLight
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.following.leader import way_of
-from lightfield.studies.following.light import belief_of
 from lightfield.studies.following.metrics import OverRuns
 from lightfield.studies.following.study import Followed, follow, with_belief
 from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
+from lightfield.studies.following.truth_and_belief import belief_of
 from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.results import open_store, verify
 

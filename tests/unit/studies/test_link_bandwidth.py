@@ -9,7 +9,7 @@ import pytest
 from plain_walk import Arrived, walk
 from scipy.optimize import brentq
 
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.scene import Scene
 from lightfield.scene.water.molecular import refractive_index
 from lightfield.studies.link.bandwidth import (

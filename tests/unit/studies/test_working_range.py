@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from lightfield.errors import LightfieldError, MeasurementError, SceneError
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
-from lightfield.render.flux.field import Region, traced_field
+from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.report.working_range import range_page
 from lightfield.scene import Scene
 from lightfield.studies.working_range.smooth_light import smooth_light

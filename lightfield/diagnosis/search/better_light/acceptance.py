@@ -14,12 +14,12 @@ from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.better_light.settling import Settled
 from lightfield.diagnosis.search.cascade import Finding, level_for, with_base
+from lightfield.diagnosis.search.pool.any_number import named
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.nodes import Node
-from lightfield.diagnosis.search.pool.search import named
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile import profiled
-from lightfield.diagnosis.search.search import Tried, bic
+from lightfield.diagnosis.search.small_sets import Tried, bic
 from lightfield.fitting.least_squares import Fit
 
 #: Part of the level down to which an explanation that fails it narrowly may be the right one: the tests scale

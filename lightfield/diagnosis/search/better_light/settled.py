@@ -21,14 +21,14 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.better_light.acceptance import accepted_of
 from lightfield.diagnosis.search.better_light.settling import Judge, Settled, settle
 from lightfield.diagnosis.search.cascade import Finding, far_beyond, level_at
-from lightfield.diagnosis.search.following import can_follow, scatters
+from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import under_own_errors, with_response_error
+from lightfield.diagnosis.search.pool.any_number import Data, named
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, begin_at
-from lightfield.diagnosis.search.pool.search import Data, named
 from lightfield.diagnosis.search.preparation import Prepared, judged, prepare_about
 from lightfield.diagnosis.search.profile import restarted
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.fitting.least_squares import Fit
 
 #: So many explanations are settled. Chosen.

@@ -20,7 +20,7 @@ from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonor
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
-from lightfield.diagnosis.search.search import clipped
+from lightfield.diagnosis.search.small_sets import clipped
 from lightfield.fitting.least_squares import Fit
 
 Key = frozenset[tuple[str, str]]

@@ -16,7 +16,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.following import is_followed
+from lightfield.diagnosis.search.followed import is_followed
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Damping to begin with, at least, and by how much it falls and rises; steps that fail one after the other

@@ -19,10 +19,10 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.following import can_follow, following, scatters
+from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.own_errors import objective, under_own_errors
-from lightfield.diagnosis.search.rivals import DETECTABLE_SIGMA, Limit
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA, Limit
 from lightfield.diagnosis.verdict.found.uncertain_light import in_uncertain_light
 from lightfield.fitting.least_squares import Fit
 

@@ -15,7 +15,7 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem import problem
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 
 

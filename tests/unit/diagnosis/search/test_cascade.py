@@ -12,11 +12,11 @@ from toy_problem import Toy, candidate, layout, waves
 from lightfield.diagnosis.adequacy import robust, score_tests, templates
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import cascade, preparation
-from lightfield.diagnosis.search import search as searching
+from lightfield.diagnosis.search import small_sets as searching
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, search
 from lightfield.diagnosis.search.many import levelled
+from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import GAP
-from lightfield.diagnosis.search.pool.search import Data
 
 
 @pytest.fixture(autouse=True)

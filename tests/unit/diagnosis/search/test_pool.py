@@ -17,13 +17,13 @@ from lightfield.diagnosis.problem import problem as problems
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
-from lightfield.diagnosis.search.pool import search as pooled
+from lightfield.diagnosis.search.pool import any_number as pooled
+from lightfield.diagnosis.search.pool.any_number import Data, Many, everything, search_many
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
-from lightfield.diagnosis.search.pool.search import Data, Many, everything, search_many
 from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.least_squares import Fit

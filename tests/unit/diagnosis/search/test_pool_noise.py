@@ -11,7 +11,7 @@ from toy_pool import many, toy, with_curve
 from lightfield.diagnosis.problem.noise import Budget, Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
-from lightfield.diagnosis.search.pool import search as pooled
+from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.fitting.least_squares import Fit

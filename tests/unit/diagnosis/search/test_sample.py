@@ -21,12 +21,12 @@ from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem import problem as problem_module
 from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Problem
-from lightfield.diagnosis.search import search as search_module
+from lightfield.diagnosis.search import small_sets as search_module
 from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.preparation import base_at, bench
 from lightfield.diagnosis.search.profile import profiled
-from lightfield.diagnosis.search.rivals import nearest_rival
-from lightfield.diagnosis.search.search import Tried, at_lowest_minima, bic
+from lightfield.diagnosis.search.small_sets import Tried, at_lowest_minima, bic
+from lightfield.diagnosis.search.told_apart import nearest_rival
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
 

@@ -12,7 +12,7 @@ from analytic_readings import scene as believed
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import problem_of
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.search.truncation import truncation_errors
 from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects

@@ -20,7 +20,7 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared, bench
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.compose import Found, estimates, kind_of, verdict_of
 from lightfield.diagnosis.verdict.found import left, rest
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over

@@ -10,7 +10,7 @@ from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.search.pool.nodes import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.found import unnamed, words
 from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate

@@ -14,7 +14,7 @@ from lightfield.diagnosis.diagnose import FRESH_PHOTONS, MOST_FRESH_PHOTONS, Dia
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
 from lightfield.errors import FitError, UsageError
-from lightfield.formula.field import direct_field
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings

@@ -12,7 +12,7 @@ from analytic_readings import readings
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.search.better_light import acceptance
 from lightfield.diagnosis.search.pool.evidence import GAP
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 
 
 @pytest.fixture(scope="module")

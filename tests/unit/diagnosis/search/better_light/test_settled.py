@@ -23,10 +23,10 @@ from lightfield.diagnosis.search.better_light import settling
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.better_light.settling import Judge, Settled
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.following import PHOTONS, scatters
+from lightfield.diagnosis.search.followed import PHOTONS, scatters
+from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.nodes import Node
-from lightfield.diagnosis.search.pool.search import Data
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene

@@ -12,10 +12,10 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import LightSource
-from lightfield.formula.scattered.field import describes
+from lightfield.formula.scattered.scattered_field import describes
+from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.followed import FollowedLight
 from lightfield.render.diffuse.ratio import Ratio, traced_ratio
-from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import scattering_per_m
 

@@ -12,7 +12,7 @@ from lightfield.arrays import Array
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.light import ArrayModel
 from lightfield.studies.follower.noise import SensorNoise
-from lightfield.studies.follower.search import Minima, find_minima, starts_in
+from lightfield.studies.follower.pose_search import Minima, find_minima, starts_in
 
 #: Rivals are nearer than this many sigma (the word of a diagnosis: what noise alone can make alike).
 NEAR_SIGMA = 5.0

@@ -15,12 +15,12 @@ from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.sweep import plan as plan_module
+from lightfield.sweep import sweep_plan as plan_module
 from lightfield.sweep.axes import Axis, parse_axis
 from lightfield.sweep.cluster import _script_left_alone
 from lightfield.sweep.estimate import as_text
-from lightfield.sweep.plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.sharing import MOST_SPREAD
+from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 
 SCENE = Scene.from_toml(
     """

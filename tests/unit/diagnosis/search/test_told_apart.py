@@ -8,9 +8,9 @@ from scipy import special, stats
 from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
-from lightfield.diagnosis.search import rivals
-from lightfield.diagnosis.search.rivals import detection_limits, isolability, nearest_rival, separation
-from lightfield.diagnosis.search.search import Tried, bic, weights
+from lightfield.diagnosis.search import told_apart
+from lightfield.diagnosis.search.small_sets import Tried, bic, weights
+from lightfield.diagnosis.search.told_apart import detection_limits, isolability, nearest_rival, separation
 
 
 def toy(**more: np.ndarray) -> Toy:
@@ -140,7 +140,7 @@ def test_a_limit_beyond_what_is_plausible_is_not_reachable() -> None:
 
 def test_the_size_that_is_called_detectable_has_its_textbook_value() -> None:
     """Two-sided at 1 % over 25 tests, found with 95 %: z(0.0002) + z(0.05)."""
-    assert pytest.approx(3.5401 + 1.6449, abs=1e-4) == rivals.DETECTABLE_SIGMA
+    assert pytest.approx(3.5401 + 1.6449, abs=1e-4) == told_apart.DETECTABLE_SIGMA
     assert ALPHA == 0.01
 
 
@@ -165,5 +165,5 @@ def test_classes_are_chains_of_near_effects_that_are_seen() -> None:
     for j, k in ((0, 1), (2, 1), (0, 4)):
         far[j, k] = 2.0  # one way is enough: whichever is true, the other imitates it
     delta = np.array([9.0, 9.0, 9.0, 9.0, 1.0])
-    found = rivals.Isolability(("a", "b", "c", "d", "e"), np.ones(5), delta, far)
+    found = told_apart.Isolability(("a", "b", "c", "d", "e"), np.ones(5), delta, far)
     assert found.classes() == [("a", "b", "c")]

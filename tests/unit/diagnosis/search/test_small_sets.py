@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 from toy_problem import Toy, candidate, layout, waves
 
-from lightfield.diagnosis.search.search import (
+from lightfield.diagnosis.search.small_sets import (
     Tried,
     accepted,
     fit_pairs,

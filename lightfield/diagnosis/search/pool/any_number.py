@@ -13,7 +13,7 @@ from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget, Whitener
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.following import can_follow, following, scatters
+from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence

@@ -17,7 +17,7 @@ from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.search import Tried
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: What would have been seen would have been missed with this probability.

@@ -17,8 +17,8 @@ from lightfield.explorer.saved.arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import is_gain
 from lightfield.formula.path import rays
+from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.portable import LightClass, Portable, portable
-from lightfield.render.diffuse.response import DiffuseResponse
 from lightfield.scene import Scene
 from lightfield.scene.bands import read_nm
 from lightfield.scene.listed import AT

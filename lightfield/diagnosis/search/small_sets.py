@@ -14,7 +14,7 @@ from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest, Sc
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.following import can_follow, scatters
+from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import on_sample
 from lightfield.diagnosis.search.profile import LOWER, ROUGH_STEPS, lowest, profiled, restarted
 from lightfield.fitting.least_squares import Fit
