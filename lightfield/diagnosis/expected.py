@@ -8,7 +8,7 @@ from typing import Literal
 
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.search.pool.evidence import NAMED_GAP
-from lightfield.diagnosis.verdict.words import join
+from lightfield.diagnosis.verdict.speech import in_unit, join
 
 #: Chances from which on an effect "would be certain", and up to which it would not. Chosen.
 LIKELY, UNLIKELY = 0.9, 0.1
@@ -108,7 +108,7 @@ class Together:
         told = []
         for path, value in one.values.items():
             unit = self.units.get(path, "1")
-            told.append(f"{path} = {value:.3g}" + ("" if unit == "1" else f" {unit}"))
+            told.append(in_unit(f"{path} = {value:.3g}", unit))
         return ", ".join(told)
 
     def rows(self) -> list[tuple[str, ...]]:

@@ -42,6 +42,7 @@ from lightfield.diagnosis.verdict.advice import (
 )
 from lightfield.diagnosis.verdict.calibration import power_limits
 from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.diagnosis.verdict.speech import in_unit
 from lightfield.errors import FitError
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource
@@ -264,16 +265,11 @@ def _way(
     return Way(float(rest @ rest), difference, there / error[:, None], information)
 
 
-def _unit(made: LayoutPlan, path: str) -> str:
-    unit = made.units.get(path, "1")
-    return "" if unit == "1" else f" {unit}"
-
-
 def as_text(made: LayoutPlan) -> str:
     """The plan for people."""
     lines = [f"{made.readings} readings. Smallest size that would be found with 95 % probability:"]
     for name, limit in sorted(made.limits.items()):
-        size = f"{limit.value:.3g}{_unit(made, limit.path)}"
+        size = in_unit(f"{limit.value:.3g}", made.units.get(limit.path, "1"))
         size = size if limit.reachable else f"not even its largest plausible size ({size})"
         lines.append(f"  {name:<20} {limit.path:<32} {size}")
     for name, why in made.untestable.items():

@@ -9,7 +9,7 @@ from pydantic import Field, computed_field
 
 from lightfield.diagnosis.verdict.aside_words import REPEATS, place
 from lightfield.diagnosis.verdict.parts import Misfit, PlaceToRead, Record, SetAside
-from lightfield.diagnosis.verdict.words import join, plain
+from lightfield.diagnosis.verdict.speech import join, plain
 from lightfield.fitting import effects
 
 

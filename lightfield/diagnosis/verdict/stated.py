@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, NearestRival, StatedEffect
-from lightfield.diagnosis.verdict.words import Said, join
+from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join
 
 Say = Callable[[Sequence[AcceptedExplanation], NearestRival | None], Said]
 #: Judgements that contradict the scene.
@@ -30,16 +30,14 @@ def _bound(entry: StatedEffect, path: str) -> str:
     """The limit of an effect that is not there."""
     if entry.limit is None:
         return f"{path} = {_value(entry.fitted[path])}"
-    unit = entry.fitted[path].unit
-    limit = f"{entry.limit:.2g}" + ("" if unit == "1" else f" {unit}")
+    limit = in_unit(f"{entry.limit:.2g}", entry.fitted[path].unit)
     off = entry.neutral[path]
     return f"{path} within {limit} of {off:g}" if off else f"{path} < {limit}"
 
 
 def _value(estimate: Estimate) -> str:
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
     error = "" if estimate.stderr is None else f" +- {float(f'{estimate.stderr:.2g}'):g}"
-    return f"{estimate.value:.4g}{error}{unit}"
+    return in_unit(f"{estimate.value:.4g}{error}", estimate.unit)
 
 
 def with_stated(
@@ -63,8 +61,7 @@ def with_stated(
         return [f"{join([n])} unlike your scene's" if n in has else n for n in names]
 
     next_one = rival and rival.model_copy(update={"effects": spoken(rival.effects)})
-    listed = "; ".join(wrong.values())
-    against = listed[:1].upper() + listed[1:]
+    against = capital("; ".join(wrong.values()))
     if kind == "identified" and wrong:
         first = explanations[0]
         missing = [k for k, name in enumerate(first.effects) if name not in wrong]

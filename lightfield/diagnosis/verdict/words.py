@@ -18,6 +18,7 @@ from lightfield.diagnosis.verdict.parts import (
     NearestRival,
     Reason,
 )
+from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join, plain
 
 #: Units of the coordinates that a misfit depends on, or that readings set aside share.
 UNITS = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}
@@ -27,53 +28,6 @@ _NO_BEAM = "these readings do not look like a beam through water"
 _NAMED = 4
 #: Errors within these factors of the stated ones are "as stated".
 _AS_STATED = 0.8, 1.25
-
-
-@dataclass(frozen=True)
-class Said:
-    """What a verdict says.
-
-    Parameters
-    ----------
-    sentence : str
-        All of it.
-    headline : str
-        What was found, to be read from across the room.
-    support : tuple of str
-        How sure that is, and what took no part: sentences that stand below the headline.
-    """
-
-    sentence: str
-    headline: str
-    support: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, headline: str, *support: str) -> Said:
-        """Sentences of which the first is the headline."""
-        return cls(" ".join((headline, *support)), headline, support)
-
-    def after(self, first: str) -> Said:
-        """The same below another finding."""
-        return Said(f"{first} {self.sentence}", f"{first} {self.headline}", self.support)
-
-    def then(self, more: str) -> Said:
-        """The same with one more support, unless that is empty."""
-        return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
-
-
-def plain(name: str) -> str:
-    """An effect's name for people."""
-    return "CDOM" if name == "cdom" else name.replace("_", " ")
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def join(names: Sequence[str]) -> str:
-    """ "a", "a and b", "a, b and c"."""
-    words = [plain(n) for n in names]
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
 
 
 @dataclass(frozen=True)
@@ -116,7 +70,7 @@ def said(
     """One or two sentences that say what was found and how sure it is."""
     within = on.within
     if kind == "none":
-        return Said.of(f"No missing effect detectable{within}.", f"{_sentence(_seen(on.limits, on.noise))}.")
+        return Said.of(f"No missing effect detectable{within}.", f"{capital(_seen(on.limits, on.noise))}.")
     if kind == "identified":
         names = explanations[0].effects
         families = list(dict.fromkeys(explanations[0].families))
@@ -128,8 +82,8 @@ def said(
         )
         verb = "is" if len(names) == 1 else "are"
         kinds = f"{word}: {join(families)}"
-        what = f"{_sentence(join(names))} {verb} missing in the model{within}"
-        return Said(f"{what} ({kinds}){next_one}.", f"{what}.", (f"{_sentence(kinds)}{next_one}.",))
+        what = f"{capital(join(names))} {verb} missing in the model{within}"
+        return Said(f"{what} ({kinds}){next_one}.", f"{what}.", (f"{capital(kinds)}{next_one}.",))
     if kind == "ambiguous":
         if len(explanations) == 1:
             doubt = "other sets do as well" if on.instead else "the evidence against chance is weak"
@@ -152,11 +106,11 @@ def said(
         more = f" or one of {others} others" if others > 1 else " or one other" if others == 1 else ""
         if on.instead:
             more = " or others"
-        what = f"{_sentence(listed)}{more}: these readings cannot tell"
+        what = f"{capital(listed)}{more}: these readings cannot tell"
         if rival is None:
             return Said.of(f"{what}{within}.", *on.instead)
         apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
-        first = Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{_sentence(apart)}.",))
+        first = Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{capital(apart)}.",))
         return reduce(Said.then, on.instead, first)
     return Said.of(f"Unexplained by any known effects; {unexplained_about(on.misfit)}.")
 
@@ -235,8 +189,8 @@ def _seen(limits: Mapping[str, DetectionLimit], noise: str) -> str:
     for name in (*first, *limits):
         limit = limits[name]
         if limit.within_range:
-            unit = "" if limit.unit == "1" else f" {limit.unit}"
-            return f"{noise}{plain(name)} above {limit.value:.2g}{unit} would have been seen"
+            least = in_unit(f"{limit.value:.2g}", limit.unit)
+            return f"{noise}{plain(name)} above {least} would have been seen"
     return f"{noise}no effect of plausible size would have been seen: these readings say nothing of any"
 
 

@@ -17,6 +17,7 @@ from lightfield.diagnosis.verdict.parts import (
     SetAside,
     WaterAndBeam,
 )
+from lightfield.diagnosis.verdict.speech import exactly, in_unit
 from lightfield.diagnosis.verdict.stated import stated_lines
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.curves import field_of, is_amplitude
@@ -268,9 +269,7 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     for path, estimate in each.parameters.items():
         if path in amplitudes:
             continue
-        unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-        error = f" ± {estimate.stderr:.2g}" if estimate.stderr is not None else f" ({estimate.reason})"
-        values.append(f"{path} = {estimate.value:.4g}{error}{unit}")
+        values.append(f"{path} = {exactly(estimate)}")
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")
     return {
@@ -290,8 +289,8 @@ def _rival(rival: NearestRival | None) -> str:
 
 
 def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
-    unit = "" if each.unit == "1" else f" {each.unit}"
-    return {"effect": _words(name), "parameter": each.parameter, "limit": f"{each.value:.2g}{unit}"}
+    limit = in_unit(f"{each.value:.2g}", each.unit)
+    return {"effect": _words(name), "parameter": each.parameter, "limit": limit}
 
 
 def _optional(value: float | None, digits: int = 3) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import jsonable
+from lightfield.diagnosis.verdict.speech import in_unit
 from lightfield.studies.compare.readings import FitReport, correlations
 
 
@@ -41,8 +42,8 @@ def as_text(report: FitReport) -> str:
     for path, e in report.estimates.items():
         error = f"+/- {e.stderr:.3g}" if e.stderr is not None else f"+/- none: {e.reason}"
         relative = f" ({100 * e.stderr / abs(e.value):.2f} %)" if e.stderr is not None and e.value else ""
-        unit = "" if e.unit == "1" else f" {e.unit}"
-        lines.append(f"    {path:<{width}} = {e.value:.6g}{unit} {error}{relative}")
+        value = in_unit(f"{e.value:.6g}", e.unit)
+        lines.append(f"    {path:<{width}} = {value} {error}{relative}")
     if found := correlations(model.fit):
         lines.append("[[Correlations]] (below 0.3 not shown)")
         lines += [f"    C({a}, {b}) = {value:+.3f}" for a, b, value in found]

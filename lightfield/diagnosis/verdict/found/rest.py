@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
-from lightfield.diagnosis.verdict.words import join
+from lightfield.diagnosis.verdict.parts import LeftOver, Misfit
+from lightfield.diagnosis.verdict.speech import join, roughly
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit.
 _CALLED = {
@@ -29,7 +29,7 @@ def sentences(left: Sequence[LeftOver], misfit: Misfit | None) -> str:
 
 
 def _described(one: LeftOver) -> str:
-    values = ", ".join(_value(name, estimate) for name, estimate in one.parameters.items())
+    values = ", ".join(f"{name} = {roughly(e)}" for name, e in one.parameters.items())
     enough = ", and nothing more is missing" if one.adequate else ""
     beside = f" beside {join(one.beside)}" if one.beside else ""
     error = "" if one.error_percent is None else f": the error would be {one.error_percent:.2g} %"
@@ -37,12 +37,6 @@ def _described(one: LeftOver) -> str:
         f"A {one.name.replace('_', ' ')}{beside} describes {one.removed_percent:.0f} % of what is left "
         f"({values}){error}{enough}. It says where the rest is, not what."
     )
-
-
-def _value(name: str, estimate: Estimate) -> str:
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    error = "" if estimate.stderr is None else f" ± {estimate.stderr:.1g}"
-    return f"{name} = {estimate.value:.3g}{error}{unit}"
 
 
 def _suspect(left: Sequence[LeftOver], misfit: Misfit | None) -> str:

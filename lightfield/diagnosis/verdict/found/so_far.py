@@ -9,7 +9,7 @@ from math import isnan
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.verdict.ladder import bright, percent
-from lightfield.diagnosis.verdict.words import join
+from lightfield.diagnosis.verdict.speech import in_unit, join
 from lightfield.fitting.least_squares import Fit
 
 
@@ -91,5 +91,5 @@ def _effect(candidate: Candidate, best: BestSoFar) -> str:
     told = []
     for parameter in candidate.parameters:
         unit, value = known[parameter.path].unit, best.fit.values[parameter.path]
-        told.append(f"{parameter.path} = {value:.4g}" + ("" if unit == "1" else f" {unit}"))
+        told.append(in_unit(f"{parameter.path} = {value:.4g}", unit))
     return f"{candidate.name}: {', '.join(told)}"

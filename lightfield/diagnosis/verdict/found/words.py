@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, Misfit, Rung, Unnamed
-from lightfield.diagnosis.verdict.words import Said, join, unexplained_about
+from lightfield.diagnosis.verdict.speech import Said, capital, exactly, join, roughly
+from lightfield.diagnosis.verdict.words import unexplained_about
 
 #: Effects from which on the verdict is told by what is known of each.
 MANY: Final = 3
@@ -61,13 +62,7 @@ def effect_size(one: FoundEffect) -> str:
     """The parameters of an effect with their errors; of a curve how far it departs."""
     if one.rms_percent is not None:
         return f"a curve of {len(one.parameters)} functions, {one.rms_percent:.2g} % rms of the readings"
-    return ", ".join(_value(path, estimate) for path, estimate in one.parameters.items())
-
-
-def _value(path: str, estimate: Estimate) -> str:
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    error = f"({estimate.reason})" if estimate.stderr is None else f"± {estimate.stderr:.2g}"
-    return f"{path.rpartition('.')[2]} = {estimate.value:.4g} {error}{unit}"
+    return ", ".join(f"{path.rpartition('.')[2]} = {exactly(e)}" for path, e in one.parameters.items())
 
 
 def said_of_many(
@@ -88,17 +83,17 @@ def said_of_many(
         return None
     sure = [one.effect for one in found if one.level in ("certain", "simplest")]
     open_ = [one for one in found if one.level == "one of"]
-    support = [f"{_sentence(join([o.effect]))}: {level(o)}." for o in found if o.level == "simplest"]
+    support = [f"{capital(join([o.effect]))}: {level(o)}." for o in found if o.level == "simplest"]
     certain = [one.effect for one in found if one.level == "certain"]
     if certain:
         support.insert(0, f"Certain: {join(certain)}.")
     if not open_:
-        return Said.of(f"{_sentence(join(sure))} are missing in the model.", *support)
+        return Said.of(f"{capital(join(sure))} are missing in the model.", *support)
     slots = "; ".join(_slot(one) for one in open_)
     if not sure:
         return Said.of(f"Several effects are missing in the model: {slots}.")
     verb = "is" if len(sure) == 1 else "are"
-    return Said.of(f"{_sentence(join(sure))} {verb} missing in the model; also {slots}.", *support)
+    return Said.of(f"{capital(join(sure))} {verb} missing in the model; also {slots}.", *support)
 
 
 def _slot(one: FoundEffect) -> str:
@@ -126,13 +121,9 @@ def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "
     certain = [one.effect for one in found if one.level == "partial"]
     names = [one.effect for one in found]
     verb = "removes" if len(names) == 1 else "remove"
-    what = f"{_sentence(join(names))} {verb} {removed:.3g} % of the misfit{misfit}"
+    what = f"{capital(join(names))} {verb} {removed:.3g} % of the misfit{misfit}"
     known = f"Certain so far: {join(certain)}." if certain else "None of these is certain so far."
     return f"{what}.", known
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def found_lines(found: Sequence[FoundEffect]) -> list[str]:
@@ -174,14 +165,14 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
     out = []
     for one in told:
         if one.in_errors:
-            there = ", ".join(f"{path} = {_size(e)}" for path, e in one.with_it.items())
+            there = ", ".join(f"{path} = {roughly(e)}" for path, e in one.with_it.items())
             out.append(
                 f"{join([one.effect])} is hardly told from what was found here, and every water has some: "
                 f"with it {there}; the stated errors reach there"
             )
             continue
         changes = [
-            f"{path} from {values[path].value:.3g} to {_size(e)}"
+            f"{path} from {values[path].value:.3g} to {roughly(e)}"
             for path, e in one.with_it.items()
             if path in values
         ]
@@ -191,8 +182,3 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
                 f"it changes {', '.join(changes)}: more than the stated errors say"
             )
     return out
-
-
-def _size(e: Estimate) -> str:
-    error = "" if e.stderr is None else f" ± {e.stderr:.1g}"
-    return f"{e.value:.3g}{error}{'' if e.unit == '1' else f' {e.unit}'}"

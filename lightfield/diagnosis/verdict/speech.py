@@ -1,0 +1,73 @@
+"""How names, sizes and sentences are said, in every verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lightfield.diagnosis.verdict.parts import Estimate
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a verdict says.
+
+    Parameters
+    ----------
+    sentence : str
+        All of it.
+    headline : str
+        What was found, to be read from across the room.
+    support : tuple of str
+        How sure that is, and what took no part: sentences that stand below the headline.
+    """
+
+    sentence: str
+    headline: str
+    support: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, headline: str, *support: str) -> Said:
+        """Sentences of which the first is the headline."""
+        return cls(" ".join((headline, *support)), headline, support)
+
+    def after(self, first: str) -> Said:
+        """The same below another finding."""
+        return Said(f"{first} {self.sentence}", f"{first} {self.headline}", self.support)
+
+    def then(self, more: str) -> Said:
+        """The same with one more support, unless that is empty."""
+        return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
+
+
+def plain(name: str) -> str:
+    """An effect's name for people."""
+    return "CDOM" if name == "cdom" else name.replace("_", " ")
+
+
+def capital(text: str) -> str:
+    """The same as the beginning of a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def join(names: Sequence[str]) -> str:
+    """ "a", "a and b", "a, b and c"."""
+    words = [plain(n) for n in names]
+    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def in_unit(number: str, unit: str) -> str:
+    """A number with its unit, or alone where it has none."""
+    return number if unit == "1" else f"{number} {unit}"
+
+
+def exactly(one: Estimate) -> str:
+    """A value with its error, or why there is none: to look it up."""
+    error = f"({one.reason})" if one.stderr is None else f"± {one.stderr:.2g}"
+    return in_unit(f"{one.value:.4g} {error}", one.unit)
+
+
+def roughly(one: Estimate) -> str:
+    """A value with its error, if any: to read on."""
+    error = "" if one.stderr is None else f" ± {one.stderr:.1g}"
+    return in_unit(f"{one.value:.3g}{error}", one.unit)
