@@ -124,12 +124,12 @@ def panels(
         yield fig, list(found)
 
 
-def save_png(fig: Figure, path: str | os.PathLike[str], dpi: int = PNG_DPI) -> Path:
+def save_png(fig: Figure, path: str | os.PathLike[str]) -> Path:
     """Write a figure as PNG on white paper, whole or not at all."""
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
         FigureCanvasAgg(fig)
-        with _laid_out(fig, dpi):
-            fig.savefig(temporary, dpi=dpi, format="png")
+        with _laid_out(fig, PNG_DPI):
+            fig.savefig(temporary, dpi=PNG_DPI, format="png")
     return Path(path)
 
 

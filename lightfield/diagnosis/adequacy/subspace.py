@@ -45,7 +45,7 @@ def orthonormal(columns: Array, tolerance: float = DISTINCT) -> Array:
     return np.asarray(u[:, s > tolerance * s[0]])
 
 
-def combined(gram: Array, tolerance: float = DISTINCT) -> Array:
+def combined(gram: Array) -> Array:
     """`orthonormal` of columns that are known by their products: the basis as combinations of them.
 
     Parameters
@@ -63,7 +63,7 @@ def combined(gram: Array, tolerance: float = DISTINCT) -> Array:
     if len(usable) == 0:
         return out
     square, directions = np.linalg.eigh(gram[np.ix_(usable, usable)] / np.outer(norm[usable], norm[usable]))
-    strong = square > tolerance**2 * square[-1]
+    strong = square > DISTINCT**2 * square[-1]
     out = np.zeros((len(gram), int(strong.sum())))
     out[usable] = directions[:, strong] / np.sqrt(square[strong]) / norm[usable, None]
     return out

@@ -61,7 +61,7 @@ def separation(
 
 
 def nearest_rival(
-    problem: Problem, whiten: Whiten, best: Tried, tried: list[Tried], phi: float, at_most: int = _RIVALS
+    problem: Problem, whiten: Whiten, best: Tried, tried: list[Tried], phi: float
 ) -> Rival | None:
     """The explanation of the same size by other effects that comes nearest to the best one."""
     others: dict[tuple[str, ...], Tried] = {}
@@ -70,7 +70,7 @@ def nearest_rival(
             others.setdefault(one.names, one)
     rivals = [
         separation(problem, whiten, best.fit, one, phi)
-        for one in _nearest(problem, whiten, best.fit, list(others.values())[:at_most])
+        for one in _nearest(problem, whiten, best.fit, list(others.values())[:_RIVALS])
     ]
     return min(rivals, key=lambda r: r.separation_sigma, default=None)
 

@@ -32,6 +32,8 @@ LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
 AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
 DASHED = (0, (5, 2))
+#: Explanations whose signatures are drawn.
+_MOST_SIGNATURES = 4
 STYLES, MARKS = ("solid", DASHED, "dotted", "dashdot"), ("s", "^", "D", "v")
 # Without its darkest ends: they would vanish on a dark page.
 RED_BLUE = ListedColormap(colormaps["RdBu_r"](np.linspace(0.13, 0.87, 256)))
@@ -210,7 +212,7 @@ def _grid_map(view: ReadingsView) -> Figure:
     return fig
 
 
-def signature_figure(view: DiagnosisView, most: int = 4, narrow: bool = False) -> Figure:
+def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
     """Residual of the base model with what each accepted explanation would add to it.
 
     Over the scans; of single places over their distance from the axis, where no line joins them.
@@ -234,11 +236,11 @@ def signature_figure(view: DiagnosisView, most: int = 4, narrow: bool = False) -
                 markersize=3.2,
                 label="residual of the base model",
             )
-            for k, signature in enumerate(view.signatures[:most]):
+            for k, signature in enumerate(view.signatures[:_MOST_SIGNATURES]):
                 axis.plot(
                     at,
                     (signature.change / view.readings.sigma)[rows],
-                    color=SERIES[(0, 2, 3, 4)[k % 4]],
+                    color=SERIES[(0, 2, 3, 4)[k]],
                     linestyle="none" if view.is_scattered else STYLES[k % len(STYLES)],
                     marker=MARKS[k % len(MARKS)] if view.is_scattered else None,
                     markersize=3.5,

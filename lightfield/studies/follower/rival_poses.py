@@ -52,12 +52,11 @@ def rivals(
     box: tuple[Array, Array],
     *,
     gain_sigma: float = 0.0,
-    starts: int = STARTS,
     seed: int = 0,
 ) -> list[RivalPose]:
     """Other minima of the noise-free cost, nearest first, none closer to each other than `APART`."""
     readings = model.readings(pose[None])[0]
-    begin = starts_in(box, names, starts, seed)
+    begin = starts_in(box, names, STARTS, seed)
     found = find_minima(
         model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box
     ).best_first()

@@ -162,12 +162,11 @@ def _cross(v: Array) -> Array:
 
 
 #: Thrust along forward, starboard and down, N, and about down, N m, of eight thrusters of 30 N, four of them
-#: at 45 degrees
-#: with a lever arm of 0.1888 m (geometry: see `HEAVY`); their data sheet (Blue Robotics T200, 16 V) has 50 N.
+#: at 45 degrees with a lever arm of 0.1888 m (geometry: see `HEAVY`); their data sheet (Blue Robotics T200,
+#: 16 V) has 50 N.
 _THRUST = (85.0, 85.0, 120.0, 26.0, 14.0, 22.0)
 #: BlueROV2 Heavy, the numbers of github.com/rakeshv24/bluerov2_dock, config/auv_bluerov2_heavy.yaml (Oregon
-#: State
-#: University), trimmed to neutral buoyancy.
+#: State University), trimmed to neutral buoyancy.
 HEAVY = Vehicle(
     11.5,
     (0.16, 0.16, 0.16),

@@ -101,14 +101,14 @@ def polish(
     return best_of(pool, allowed)
 
 
-def thin(pool: Pool, reach: float = REACH) -> None:
+def thin(pool: Pool) -> None:
     """Fit sets near the best less one of their effects, where that promises to come as near.
 
     Searches for rivals drop effects of the best set that they find alone: of others an effect that another
     one of the set has made superfluous would stay.
     """
     for node in sorted(pool.nodes.values(), key=pool.cost):
-        limit = pool.cost(pool.best()) + reach
+        limit = pool.cost(pool.best()) + REACH
         if pool.cost(node) > limit:
             break
         for candidate in node.explanation:
