@@ -1,9 +1,10 @@
-"""Where results for programs go, and pages."""
+"""What becomes of a command's answer: it is printed, and written where that was asked for."""
 
 from __future__ import annotations
 
 import json
 from argparse import Namespace
+from collections.abc import Callable
 from pathlib import Path
 
 from lightfield.arrays import jsonable
@@ -15,6 +16,18 @@ def outputs_of(args: Namespace, *inputs: Path | None, also: Path | None = None) 
     outputs = [file for file in (args.json, args.report, also) if file]
     for k, file in enumerate(outputs):
         output_file(file, *filter(None, inputs), *outputs[:k])
+
+
+def show_answer(args: Namespace, text: str, data: Callable[[], object]) -> None:
+    """Print what it says to people, and write what it says to programs, for `--json`."""
+    print(text)
+    if args.json:
+        write_json(data(), args.json)
+
+
+def show_page(page: Path) -> None:
+    """Print where the page of `--report` lies."""
+    print(f"report: {page.resolve()}")
 
 
 def write_json(data: object, path: Path) -> None:

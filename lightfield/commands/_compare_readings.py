@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lightfield.api.given import named
-from lightfield.commands._json import write_json
+from lightfield.commands._answer import write_json
 from lightfield.commands._options import add_option, given
 from lightfield.commands._progress import progress_of
 from lightfield.diagnosis import ledger

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lightfield.commands._answer import outputs_of, show_answer, show_page
 from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
-from lightfield.commands._json import outputs_of, write_json
 from lightfield.commands._options import add_answer
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -77,13 +77,11 @@ def _show(scene: Scene, args: argparse.Namespace) -> int:
 
     with progress_of("array"):
         found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
-    print(found.as_text())
-    if args.json:
-        write_json(found.as_data(), args.json)
+    show_answer(args, found.as_text(), found.as_data)
     if args.report:
         from lightfield.report.follower.page import write_survey
 
-        print(f"report: {write_survey(found, args.report).resolve()}")
+        show_page(write_survey(found, args.report))
     return 0
 
 
@@ -135,11 +133,9 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
 
 
 def _compared(found: Arrays, args: argparse.Namespace) -> int:
-    print(found.as_text())
-    if args.json:
-        write_json(found.as_data(), args.json)
+    show_answer(args, found.as_text(), found.as_data)
     if args.report:
         from lightfield.report.follower.page import write_arrays
 
-        print(f"report: {write_arrays(found, args.report).resolve()}")
+        show_page(write_arrays(found, args.report))
     return 0

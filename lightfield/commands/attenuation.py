@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._answer import outputs_of, show_answer, show_page
 from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -59,9 +60,7 @@ def run(args: argparse.Namespace) -> int:
         trace = response_for
     with progress_of("attenuation"):
         found = attenuation(tables, scenes, trace, in_air)
-    print(as_text(found))
-    if args.json:
-        write_json(as_data(found), args.json)
+    show_answer(args, as_text(found), partial(as_data, found))
     if args.output:
         from lightfield.maps.dataset import write_netcdf
 
@@ -69,5 +68,5 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         from lightfield.report.attenuation.page import write_attenuation
 
-        print(f"report: {write_attenuation(found, args.report).resolve()}")
+        show_page(write_attenuation(found, args.report))
     return 0

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._answer import outputs_of, show_answer, show_page
 from lightfield.commands._options import add_answer, add_option, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -58,13 +59,11 @@ def run(args: argparse.Namespace) -> int:
             high_nm=between[1], response=None if args.response is None else str(args.response),
             **(DEFAULTS | given(args)),
         )  # fmt: skip
-    print(as_text(found))
-    if args.json:
-        write_json(as_data(found), args.json)
+    show_answer(args, as_text(found), partial(as_data, found))
     if args.report:
         from lightfield.report.band import write_band
 
-        print(f"report: {write_band(found, args.report).resolve()}")
+        show_page(write_band(found, args.report))
     return 0
 
 

@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from lightfield.api.given import named
-from lightfield.commands._json import outputs_of
+from lightfield.commands._answer import outputs_of
 from lightfield.commands._options import add_option
 from lightfield.commands._progress import stage_line
 from lightfield.diagnosis.verdict.verdict import json_schema

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from lightfield.api.given import named
+from lightfield.commands._answer import outputs_of, show_answer, show_page, write_json
 from lightfield.commands._follower import PHOTONS, photons_of
-from lightfield.commands._json import outputs_of, write_json
 from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -77,16 +77,14 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))
     with progress_of("follow"):
         found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
-    print(found.as_text())
-    if args.json:
-        write_json(found.as_data(), args.json)
+    show_answer(args, found.as_text(), found.as_data)
     if args.track:
         with atomic_path(args.track) as temporary:
             found.cases[0].dataset().to_netcdf(temporary, engine="netcdf4")
     if args.report:
         from lightfield.report.follower.follow_page import write_following
 
-        print(f"report: {write_following(found, args.report).resolve()}")
+        show_page(write_following(found, args.report))
     return 0
 
 
@@ -125,5 +123,5 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
         if args.report:
             from lightfield.report.follower.follow_page import write_follow_sweep
 
-            print(f"report: {write_follow_sweep(data, args.report).resolve()}")
+            show_page(write_follow_sweep(data, args.report))
     return 1 if done.failed else 0

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._answer import outputs_of, show_answer, show_page
 from lightfield.commands._options import add_answer, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -59,13 +60,11 @@ def run(args: argparse.Namespace) -> int:
     receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
     with progress_of("link"):
         found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
-    print(as_text(found))
-    if args.json:
-        write_json(as_data(found), args.json)
+    show_answer(args, as_text(found), partial(as_data, found))
     if args.report:
         from lightfield.report.link import write_link
 
-        print(f"report: {write_link(found, args.report).resolve()}")
+        show_page(write_link(found, args.report))
     return 0
 
 

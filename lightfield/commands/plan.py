@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lightfield.api.given import named
-from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._answer import outputs_of, show_page, write_json
 from lightfield.commands._options import add_option, assignment
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -90,5 +90,5 @@ def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, arg
     if args.report:
         from lightfield.report.together import write_together
 
-        print(f"report: {write_together(made, args.report).resolve()}")
+        show_page(write_together(made, args.report))
     return 0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.commands._answer import outputs_of, show_answer, show_page
 from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
-from lightfield.commands._json import outputs_of, write_json
 from lightfield.commands._options import add_answer
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -51,13 +51,11 @@ def _estimate(scene: Scene, args: argparse.Namespace) -> int:
             photons=photons_of(args),
             seed=args.seed or 0,
         )
-    print(found.as_text())
-    if args.json:
-        write_json(found.as_data(), args.json)
+    show_answer(args, found.as_text(), found.as_data)
     if args.report:
         from lightfield.report.follower.pose_page import write_poses
 
-        print(f"report: {write_poses(found, args.report).resolve()}")
+        show_page(write_poses(found, args.report))
     return 0
 
 
@@ -73,13 +71,11 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
         found = bias_study(
             scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0
         )
-    print(found.as_text())
-    if args.json:
-        write_json(found.as_data(), args.json)
+    show_answer(args, found.as_text(), found.as_data)
     if args.report:
         from lightfield.report.follower.pose_page import write_bias
 
-        print(f"report: {write_bias(found, args.report).resolve()}")
+        show_page(write_bias(found, args.report))
     return 0
 
 

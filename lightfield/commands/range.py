@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from lightfield.commands._json import outputs_of, write_json
+from lightfield.commands._answer import outputs_of, show_answer, show_page
 from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -67,11 +68,9 @@ def run(args: argparse.Namespace) -> int:
             scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
             **({} if args.max_photons is None else {"photons": args.max_photons}),
         )  # fmt: skip
-    print(as_text(found))
-    if args.json:
-        write_json(as_data(found), args.json)
+    show_answer(args, as_text(found), partial(as_data, found))
     if args.report:
         from lightfield.report.working_range import write_range
 
-        print(f"report: {write_range(found, args.report).resolve()}")
+        show_page(write_range(found, args.report))
     return 0
