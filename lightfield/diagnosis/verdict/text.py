@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 from lightfield.diagnosis.verdict import aside_words, stated, words
-from lightfield.diagnosis.verdict.found import rest
-from lightfield.diagnosis.verdict.found import words as found_words
+from lightfield.diagnosis.verdict.found import found_words, rest
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Doubt, DoubtReason, NearestRival
 from lightfield.fitting.parameter import is_gain
 

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from lightfield.diagnosis.verdict.found.words import effect_size, instead
+from lightfield.diagnosis.verdict.found.found_words import effect_size, instead
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -27,6 +27,7 @@ from lightfield.report.diagnosis.figures import (
     data_figure,
     residual_map,
     signature_figure,
+    spaced,
 )
 from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
@@ -147,8 +148,8 @@ def diagnosis_page(view: DiagnosisView) -> str:
         next_sentence=(advice.sentence if advice else "") or "No further reading is asked for.",
         spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],
         limits=[_limit(name, each) for name, each in verdict.detection_limits.items() if each.within_range],
-        unseen=[_words(name) for name, each in verdict.detection_limits.items() if not each.within_range],
-        untestable=[(_words(name), reason) for name, reason in verdict.untestable.items()],
+        unseen=[spaced(name) for name, each in verdict.detection_limits.items() if not each.within_range],
+        untestable=[(spaced(name), reason) for name, reason in verdict.untestable.items()],
         stated=stated_lines(verdict.stated),
         assumed=verdict.assumed,
         warnings=verdict.warnings,
@@ -234,7 +235,7 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     ]
     less = ["–"] * 4 if one.without_it is None else _light(one.without_it)
     return {
-        "effect": _words(one.effect),
+        "effect": spaced(one.effect),
         "level": one.level,
         "kind": "good" if one.level in ("certain", "simplest") else "open",
         "instead": instead(one) or "–",
@@ -255,7 +256,7 @@ def _rung(rung: Rung) -> list[str]:
     if rendered is not None and rung.rendered_stderr_percent:
         fresh += f" ± {rung.rendered_stderr_percent:.1g}"
     return [
-        _words(rung.label),
+        spaced(rung.label),
         _optional(rung.error_percent),
         _percent(rung.chi2_per_dof),
         _optional(rung.held_out_percent),
@@ -273,7 +274,7 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")
     return {
-        "effects": " + ".join(_words(name) for name in each.effects),
+        "effects": " + ".join(spaced(name) for name in each.effects),
         "weight": f"{each.weight:.2f}",
         "error": _optional(each.error_percent),
         "held_out": _optional(each.held_out_percent),
@@ -284,13 +285,13 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
 def _rival(rival: NearestRival | None) -> str:
     if rival is None:
         return ""
-    names = " + ".join(_words(name) for name in rival.effects)
+    names = " + ".join(spaced(name) for name in rival.effects)
     return f"The nearest other explanation, {names}, is {rival.separation_sigma:.1f} sigma away."
 
 
 def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
     limit = in_unit(f"{each.value:.2g}", each.unit)
-    return {"effect": _words(name), "parameter": each.parameter, "limit": limit}
+    return {"effect": spaced(name), "parameter": each.parameter, "limit": limit}
 
 
 def _optional(value: float | None, digits: int = 3) -> str:
@@ -303,7 +304,3 @@ def _floor(value: float | None) -> str:
 
 def _percent(value: float, digits: int = 3) -> str:
     return f"{value:.{digits}g}" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g}"
-
-
-def _words(name: str) -> str:
-    return name.replace("_", " ")

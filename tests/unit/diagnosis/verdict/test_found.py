@@ -16,7 +16,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool.equivalences import TABLE
-from lightfield.diagnosis.verdict.found import words as found_words
+from lightfield.diagnosis.verdict.found import found_words
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Misfit, Rung, WaterAndBeam
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
