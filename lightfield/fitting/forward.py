@@ -162,6 +162,14 @@ class SceneForward:
         modes *= factor[:, None]
         return modes, factor * smooth
 
+    def lamp_errors(self, values: Mapping[str, float]) -> Array:
+        """Errors of the predicted readings by those of the lamp's table, see `LightSource.lamp_errors`."""
+        modes = self.light.lamp_errors(values)
+        if not modes.size:
+            return modes
+        factor = self._gain(values) * self.power(values) * self._shown(values) * self._own(values)
+        return np.asarray(modes * factor[:, None])
+
     def position_slope(self, values: Mapping[str, float]) -> Array:
         """|gradient| of the readings with respect to position, per metre, shape (n,).
 
