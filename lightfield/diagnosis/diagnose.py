@@ -28,6 +28,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.effects import Effect
+from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.fitting.effects.local import as_file, local_unknowns
 from lightfield.fitting.fitted_curves import fitted_curves, save_lamp, save_spectrum
 from lightfield.fitting.forward import SceneForward
@@ -207,7 +208,9 @@ class Diagnosis:
                 | {"scene": name}
             )
         last = self.steps[-1].fit
-        save_lamp(self.forward, last, target)
+        step, whiten = self.steps[-1], self.finding.whiten
+        beam = self.prepared.problem.with_largest_form(BEAM_PROFILE, step.explanation, last, whiten)
+        save_lamp(self.forward, beam, target, self.finding.level.phi)
         save_spectrum(self.forward, last, target)
         if curves := fitted_curves(self.forward, last, self.finding.level.phi):
             with atomic_path(target / CURVES) as temporary:

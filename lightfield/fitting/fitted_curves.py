@@ -32,6 +32,8 @@ from lightfield.scene.water.layers import layers_absorption_per_m
 
 #: Places at which a curve is drawn. Chosen: twice its nodes.
 PLACES = 121
+#: Errors of a fitted lamp that are smaller than this part of the largest are left out of its table.
+_HARDLY = 1e-3
 #: The table of a fitted beam profile, beside the scene that was fitted.
 LAMP_TABLE = "lamp.csv"
 #: The table of a fitted spectrum of the lamp, there too.
@@ -134,11 +136,7 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
         place = curves.bases[field].place
         at = np.linspace(place[0], place[-1] / (BEYOND if field == PROFILE else 1.0), PLACES)
         at = place if field == PLANES else at
-        value = shown(forward.scenes.at(values, validate=False), at)
-        slopes = np.empty((len(at), len(fit.u)))
-        for i, parameter in enumerate(fit.model.parameters):
-            there = {**values, parameter.path: parameter.value(fit.u[i] + parameter.step)}
-            slopes[:, i] = (shown(forward.scenes.at(there, validate=False), at) - value) / parameter.step
+        value, slopes = _with_slopes(forward, fit, shown, at)
         stderr = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
         without = shown(forward.scenes.at(flat, validate=False), at)
         rms = float(np.linalg.norm(curves.bases[field].amplitudes(values)))
@@ -146,13 +144,46 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
     return tuple(out)
 
 
-def save_lamp(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -> Path | None:
-    """Write the beam profile of a fit as a lamp table (`profile = "table"`); None where none was fitted.
+def _with_slopes(
+    forward: SceneForward, fit: Fit, shown: Callable[[Scene, Array], Array], at: Array
+) -> tuple[Array, Array]:
+    """A curve of a fit, shape (n,), and its slopes by the coordinates of the fit, (n, n_parameters)."""
+    values = fit.values
+    value = shown(forward.scenes.at(values, validate=False), at)
+    slopes = np.empty((len(at), len(fit.u)))
+    for i, parameter in enumerate(fit.model.parameters):
+        there = {**values, parameter.path: parameter.value(fit.u[i] + parameter.step)}
+        slopes[:, i] = (shown(forward.scenes.at(there, validate=False), at) - value) / parameter.step
+    return value, slopes
+
+
+def _lamp_errors(forward: SceneForward, fit: Fit, scale: float, at_deg: Array, read_deg: float) -> Array:
+    """What the intensity of a fitted lamp may be off by, over that on the axis: independent curves, (k, n).
+
+    Beyond the last angle that was read it is a guess, which may be all wrong where the fit's curve ends.
+    """
+    value, slopes = _with_slopes(forward, fit, _intensity, at_deg)
+    variance, directions = np.linalg.eigh(np.nan_to_num(fit.covariance(scale)))
+    errors = slopes @ (directions * np.sqrt(np.maximum(variance, 0.0)))
+    _, size, curves = np.linalg.svd(errors.T, full_matrices=False)
+    kept = size > _HARDLY * size.max(initial=0.0)
+    guess = value * np.clip((at_deg / read_deg - 1) / (BEYOND - 1), 0.0, 1.0)
+    return np.vstack([size[kept, None] * curves[kept], guess])
+
+
+def save_lamp(
+    forward: SceneForward, fit: Fit, folder: str | os.PathLike[str], scale: float = 1.0
+) -> Path | None:
+    """Write the beam profile of a fit as a lamp table (`profile = "table"`) with its errors.
+
+    None where none was fitted.
 
     Parameters
     ----------
     folder : path-like
         Gets lamp.csv.
+    scale : float
+        Variance of the readings in units of the whitening.
 
     Raises
     ------
@@ -163,8 +194,15 @@ def save_lamp(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -
     if PROFILE not in {field_of(p) for p in fit.paths}:
         return None
     to_deg = float(curves.bases[PROFILE].place[-1])
-    remark = f"fitted to readings within {to_deg / BEYOND:.3g} deg of the axis; beyond it is a guess"
-    return save_intensity(forward.scenes.at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark)
+    read_deg = to_deg / BEYOND
+    remark = f"fitted to readings within {read_deg:.3g} deg of the axis; beyond it is a guess"
+
+    def errors(at_deg: Array) -> Array:
+        return _lamp_errors(forward, fit, scale, at_deg, read_deg)
+
+    return save_intensity(
+        forward.scenes.at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark, errors
+    )
 
 
 def save_spectrum(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -> Path | None:

@@ -103,3 +103,8 @@ class SceneForward:
         factor = self.reader.per_light(values)
         modes *= factor[:, None]
         return modes, factor * smooth
+
+    def lamp_errors(self, values: Mapping[str, float]) -> Array:
+        """Errors of the predicted readings by those of the lamp's table, see `LightSource.lamp_errors`."""
+        modes = self.light.lamp_errors(values)
+        return np.asarray(modes * self.reader.per_light(values)[:, None]) if modes.size else modes

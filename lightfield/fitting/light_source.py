@@ -20,6 +20,7 @@ from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on, paths_on
 from lightfield.scene.bands import read_nm
+from lightfield.scene.lamp.profile import table_of
 from lightfield.scene.own.effect import OwnEffect
 
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
@@ -134,6 +135,19 @@ class LightSource:
         if np.any(self.stderr):
             modes = np.hstack([modes, np.diag(self.stderr * np.ones(len(smooth)))])
         return np.asarray(modes), np.asarray(smooth)
+
+    def lamp_errors(self, values: Mapping[str, float]) -> Array:
+        """Errors of the direct light by those that the lamp's table states, shape (n, k).
+
+        Independent contributions: covariance = modes @ modes.T; k = 0 where none are stated. What they make
+        of scattered and reflected light, which comes from all angles at once, is less, and left out.
+        """
+        scene, r = self.scenes.with_values(_optical(values)), self.readings
+        stated = table_of(scene.lamp)
+        if stated is None or not len(stated.errors):
+            return np.zeros((len(r.x_m), 0))
+        relative = stated.relative_errors(analytic.table_angle(scene.lamp, r.x_m, r.y_m, r.z_m, r.medium))
+        return np.asarray((self.direct(scene, r) * self.correction)[:, None] * relative.T)
 
     def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None:
         """The trace that is still missing for what was found, see `DiffuseLight.to_trace`, m^-1."""

@@ -88,6 +88,15 @@ def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
     return np.asarray(through_window(partial(relative_intensity, lamp), theta_x, theta_y, n))
 
 
+def table_angle(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array, medium: ArrayLike | None = None) -> Array:
+    """Angles from the beam's axis, rad, at which a lamp's table is read for receivers, all alike in shape."""
+    ray = rays(lamp, x_m, y_m, z_m)
+    theta_x, theta_y = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
+    in_air = air_mask(medium)
+    n = 1.0 if in_air is None else np.where(in_air, lamp.window_index, 1.0)
+    return np.asarray(np.hypot(theta_x, theta_y / lamp.ellipticity) / n)
+
+
 def receiver(scene: Scene, ray: Ray, x_m: Array, y_m: Array, z_m: Array) -> Array:
     """Response to light of unit normal irradiance from each ray, see `scene.receiver.response`.
 

@@ -51,7 +51,7 @@ def scale_along(
         return likeliest_scale(lambda low, high: along, rest / spare)
     smooth = own.smooth_columns(tolerance)
     raw = np.hstack([smooth, coloured])
-    rough = replace(own, photon_modes=None, response_error=None)
+    rough = own.without_light
     # Amplitudes of the smooth errors have unit variance, those of the rich model may be anything.
     known = np.diag(np.r_[np.ones(smooth.shape[1]), np.zeros(columns.shape[1])])
 
@@ -78,7 +78,7 @@ def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> 
     columns : array, shape (n, k + 1)
         Rich model and, last, residual.
     """
-    plain = replace(noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
+    plain = replace(noise.without_light, budget=Budget(0.0, 0.0, 0.0))
     whiten, parts = Whitener(plain, rho), [*shared, columns]
     white = np.empty((len(columns), sum(part.shape[1] for part in parts)))
     at = 0

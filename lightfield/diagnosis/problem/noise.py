@@ -77,6 +77,8 @@ class Noise:
         Monte Carlo errors of the predictions as independent contributions.
     response_error : array, shape (n,), optional
         Size of a smooth error of the predictions' scattered and reflected light.
+    lamp_modes : array, shape (n, k), optional
+        What errors of the lamp's table make of the predictions, as independent contributions.
     """
 
     layout: Layout
@@ -86,6 +88,12 @@ class Noise:
     position_slope: Array
     photon_modes: Array | None = None
     response_error: Array | None = None
+    lamp_modes: Array | None = None
+
+    @property
+    def without_light(self) -> Noise:
+        """The same without the errors of the light."""
+        return replace(self, photon_modes=None, response_error=None, lamp_modes=None)
 
     @property
     def _bright(self) -> Array:
@@ -137,6 +145,8 @@ class Noise:
             some = self._exact_modes[a]
             # Of one array with itself BLAS does half the work.
             out += some @ (some if a is b else self._exact_modes[b]).T
+        if self.lamp_modes is not None:
+            out += self.lamp_modes[a] @ self.lamp_modes[b].T
         return out
 
     @cached_property
@@ -150,8 +160,9 @@ class Noise:
         out = (tolerance * self._bright) ** 2
         if self.response_error is not None:
             out = out + self.response_error**2
-        if self.photon_modes is not None:
-            out = out + (self.photon_modes**2).sum(axis=1)
+        for modes in (self.photon_modes, self.lamp_modes):
+            if modes is not None:
+                out = out + (modes**2).sum(axis=1)
         return np.asarray(out)
 
     @cached_property
@@ -259,11 +270,10 @@ class Noise:
 
     def subset(self, rows: NDArray[np.bool_]) -> Noise:
         """Of some of the readings."""
-        modes, smooth = self.photon_modes, self.response_error
+        of_light = (self.photon_modes, self.response_error, self.lamp_modes)
         return Noise(
             self.layout.subset(rows), self.sigma[rows], self.prediction[rows], self.budget,
-            self.position_slope[rows],
-            None if modes is None else modes[rows], None if smooth is None else smooth[rows],
+            self.position_slope[rows], *(None if each is None else each[rows] for each in of_light),
         )  # fmt: skip
 
 

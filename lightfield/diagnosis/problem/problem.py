@@ -83,6 +83,19 @@ class Problem:
         assert best is not None, "a fit needs a start"
         return best
 
+    def with_largest_form(self, effect: str, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
+        """A fit where it lies, with the largest form of one of its effects: more parameters, not yet moved.
+
+        What a smaller form leaves out is not known to be none: errors are those of the largest.
+        """
+        forms = [c for c in (*self.candidates, *self.curves) if c.name == effect and not c.form.refines]
+        wide = tuple(
+            max((c, *forms), key=lambda f: len(f.parameters)) if c.name == effect else c for c in explanation
+        )
+        known = dict(zip(fit.paths, fit.u, strict=True))
+        u = np.array([known.get(p.path, p.start) for p in self.model(wide).parameters])
+        return self.fit(wide, whiten, [u], max_steps=0)
+
     def rough(self, explanation: Explanation, whiten: Whiten, start: Array, max_steps: int) -> Fit:
         """A fit of a few steps, to a sample of many readings: its chi-square ranks it among its like."""
         if self.sample is None or not isinstance(whiten, Whitener):

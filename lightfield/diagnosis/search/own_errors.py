@@ -26,11 +26,12 @@ _ROUNDS, _STAYED = 2, 0.5
 
 
 def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
-    """The noise with the error that the response of the diffuse light has at a fit."""
+    """The noise with the errors that diffuse light and the lamp's table have at a fit."""
     modes, smooth = problem.forward.errors(fit.values)
     # Several bands and traces have a hundred times as many contributions as there are readings.
     modes = as_few(modes) if noise.layout.size <= FEW else modes
-    return replace(noise, photon_modes=modes, response_error=smooth)
+    lamp = problem.forward.lamp_errors(fit.values)
+    return replace(noise, photon_modes=modes, response_error=smooth, lamp_modes=lamp if lamp.size else None)
 
 
 def own_whitener(problem: Problem, whiten: Whitener, fit: Fit) -> Whitener:

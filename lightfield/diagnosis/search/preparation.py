@@ -87,7 +87,7 @@ class Prepared:
     @cached_property
     def richest(self) -> tuple[Whitener, Fit, Array]:
         """Whitening by the quoted errors alone, the description under it, and the rich model there."""
-        noise = replace(self.noise, budget=Budget(0.0, 0.0, 0.0), photon_modes=None, response_error=None)
+        noise = replace(self.noise.without_light, budget=Budget(0.0, 0.0, 0.0))
         plain = Whitener(noise, self.serial.rho)
         fit = self.problem.fit(self.explanation, plain, [self.reference.u])
         return plain, fit, _rich(self.problem, plain, fit)
@@ -270,9 +270,10 @@ def prepare_about(
 
 
 def _own_error(problem: Problem, fit: Fit) -> Array:
-    """Error of the predicted readings by their diffuse light, shape (n,): neither noise nor an outlier."""
+    """Error of the predicted readings by their light, shape (n,): neither noise nor an outlier."""
     modes, smooth = problem.forward.errors(fit.values)
-    return np.asarray(np.sqrt((modes**2).sum(axis=1) + smooth**2))
+    lamp = problem.forward.lamp_errors(fit.values)
+    return np.asarray(np.sqrt((modes**2).sum(axis=1) + (lamp**2).sum(axis=1) + smooth**2))
 
 
 def _errors_about(

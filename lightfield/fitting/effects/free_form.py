@@ -12,6 +12,8 @@ from lightfield.fitting.effects.effect import Effect, Form, Free
 
 #: An amplitude that is large: a lamp that is a Gaussian no more. Chosen.
 _LARGE, _TYPICAL = 2.5, 0.02
+#: Of which a lamp table is made.
+BEAM_PROFILE = "beam_profile"
 
 
 def _forms(field: str, sizes: Iterable[int], refining: Iterable[int] = ()) -> tuple[Form, ...]:
@@ -28,7 +30,7 @@ def _forms(field: str, sizes: Iterable[int], refining: Iterable[int] = ()) -> tu
 
 EFFECTS = (
     Effect(
-        "beam_profile",
+        BEAM_PROFILE,
         "beam shape",
         _forms("lamp.profile_departure", (2, 4, 7, 11), refining=(19,)),
         "The beam has a shape of its own, which no formula describes: rings, a flat top, a peak, a hole.",

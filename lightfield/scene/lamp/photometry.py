@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,8 @@ ROUND = 0.002
 #: Intensities that differ by less, as a part of that on the axis, are the same.
 SAME = 1e-9
 _TURN = 2 * np.pi
+#: Columns of a table with errors: of every row by itself; and how those begin that rows share.
+OWN_ERROR, SHARED_ERROR = "stderr", "error_"
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +39,14 @@ class BeamTable:
         About the axis from x towards y of the beam, from 0 to 2 pi, both included; of a round beam 0 alone.
     intensity : array, shape (n_turns, n_angles)
         1 on the axis.
+    errors : array, shape (k, n_angles)
+        Independent contributions to the error of the intensity over that on the axis, of a round beam.
     """
 
     angle_rad: Array
     turn_rad: Array
     intensity: Array
+    errors: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def is_round(self) -> bool:
@@ -60,6 +65,12 @@ class BeamTable:
     def mirrored(self) -> tuple[bool, bool]:
         """Is it the same at -x, and at -y?"""
         return self._alike(np.pi), self._alike(0.0)
+
+    def relative_errors(self, angle_rad: Array) -> Array:
+        """The errors over the intensity at angles from the axis, shape (k, n); where it is dark none."""
+        intensity = np.interp(angle_rad, self.angle_rad, self.mean, right=0.0)
+        error = [np.interp(angle_rad, self.angle_rad, each, right=0.0) for each in self.errors]
+        return np.array(error) / np.where(intensity > 0, intensity, np.inf)
 
     def _alike(self, about: float) -> bool:
         """Is it the same at a turn and at that mirrored?"""
@@ -99,7 +110,9 @@ def beam_table(path: str) -> BeamTable:
     ----------
     path : str
         CSV (angle_deg, intensity in any unit, and phi_deg of a beam that is not round), `.ies` (LM-63,
-        type C) or `.ldt` (EULUMDAT).
+        type C) or `.ldt` (EULUMDAT). The CSV of a round beam may state errors in the unit of the intensity:
+        `stderr`, of every row by itself, and `error_1`, `error_2` ..., curves by which all of it may be off
+        together, each by one standard error and independent of the others.
 
     Raises
     ------
@@ -133,10 +146,13 @@ def _load(path: str, _modified: int, _size: int) -> BeamTable:
         )  # fmt: skip
     intensity = intensity / axis
     intensity[:, 0] = 1.0
-    table = BeamTable(np.radians(angle), np.radians(turn), intensity)
+    errors = _stated_errors(path, angle) / axis
+    # What is off on the axis is off in the unit of all.
+    errors = errors - np.outer(errors[:, 0], intensity[0])
+    table = BeamTable(np.radians(angle), np.radians(turn), intensity, errors)
     if np.abs(intensity - table.mean).max() <= ROUND * table.mean.max():
-        table = BeamTable(table.angle_rad, np.zeros(1), table.mean[None])
-    for column in (table.angle_rad, table.turn_rad, table.intensity):
+        table = BeamTable(table.angle_rad, np.zeros(1), table.mean[None], errors)
+    for column in (table.angle_rad, table.turn_rad, table.intensity, table.errors):
         column.setflags(write=False)
     return table
 
@@ -172,6 +188,24 @@ def _columns(path: str) -> tuple[Array, Array, Array]:
         rule="every angle_deg at every phi_deg, over 90, 180 or 360 deg of phi, intensities from 0",
         remedy="complete the table",
     )  # fmt: skip
+
+
+def _stated_errors(path: str, angle: Array) -> Array:
+    """Contributions to the error of the intensity, in its unit, shape (k, n_angles)."""
+    if Path(path).suffix.lower() in {".ies", ".ldt"}:
+        return np.empty((0, len(angle)))
+    names = column_names(path)
+    shared, own = [n for n in names if n.startswith(SHARED_ERROR)], [n for n in names if n == OWN_ERROR]
+    if not (shared or own):
+        return np.empty((0, len(angle)))
+    if "phi_deg" in names:
+        raise SceneError(
+            "errors of a beam that is not round", where=path, found=", ".join([*own, *shared]),
+            rule="errors beside angle_deg and intensity alone", remedy="leave out these columns",
+        )  # fmt: skip
+    columns = read_rows(path, (*own, *shared))
+    errors = [np.diag(column) for column in columns[: len(own)]]
+    return np.concatenate([*errors, *(column[None] for column in columns[len(own) :])])
 
 
 def _photometric(path: str) -> tuple[Array, Array, Array]:

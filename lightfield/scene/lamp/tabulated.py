@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.photometry import SHARED_ERROR
 from lightfield.scene.lamp.profile import sections_of
 from lightfield.scene.lamp.spectrum import knots_nm, spectral_power
 from lightfield.storage.files import atomic_path
@@ -43,13 +45,21 @@ def intensity_rows(lamp: Lamp, to_deg: float) -> dict[str, Array]:
     return columns | {"intensity": (intensity / intensity[0, 0]).ravel()}
 
 
-def save_intensity(lamp: Lamp, to_deg: float, path: str | os.PathLike[str], remark: str = "") -> Path:
+def save_intensity(
+    lamp: Lamp,
+    to_deg: float,
+    path: str | os.PathLike[str],
+    remark: str = "",
+    errors: Callable[[Array], Array] | None = None,
+) -> Path:
     """Write the table, whole or not at all; arguments as for `intensity_rows`.
 
     Parameters
     ----------
     remark : str
         One line on where it comes from.
+    errors : callable, optional
+        Of angles in degrees, shape (n,): errors of the intensity there, shape (k, n), see `beam_table`.
 
     Raises
     ------
@@ -57,6 +67,9 @@ def save_intensity(lamp: Lamp, to_deg: float, path: str | os.PathLike[str], rema
         The file cannot be written.
     """
     columns = intensity_rows(lamp, to_deg)
+    if errors is not None and lamp.ellipticity == 1 and "phi_deg" not in columns:
+        for k, error in enumerate(errors(columns["angle_deg"]), 1):
+            columns[f"{SHARED_ERROR}{k}"] = error
     rows = [",".join(f"{v:.8g}" for v in row) for row in zip(*columns.values(), strict=True)]
     lines = [*([f"# {remark}"] if remark else []), ",".join(columns), *rows]
     with atomic_path(path) as temporary:

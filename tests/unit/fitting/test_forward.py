@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -133,3 +134,34 @@ def test_light_corrected_by_a_render_is_the_render_there_and_follows_the_model_e
         assert np.sqrt(more) == pytest.approx(0.01 * render)
         assert smooth == pytest.approx(factor * expected)
     assert forward.predict(there) == pytest.approx(plain, rel=1e-15)
+
+
+def test_errors_of_the_lamps_table_are_what_another_table_makes(tmp_path: Path) -> None:
+    """Readings by a table that is off by a stated error, less those by the table: a tilted, oval beam whose
+    lamp fades, some readings in air behind a window, on the axis too, where a table has no error."""
+
+    def forward(off: float) -> SceneForward:
+        angle = np.linspace(0.0, 60.0, 31)
+        error = 0.01 * (1 - np.cos(np.radians(6 * angle)))
+        lines = [
+            f"{a:.6g},{i + off * e:.10g},{e:.10g}"
+            for a, i, e in zip(angle, np.exp2(-((angle / 12) ** 2)), error, strict=True)
+        ]
+        path = tmp_path / f"lamp{off}.csv"
+        path.write_text("\n".join(["angle_deg,intensity,error_1", *lines]), encoding="utf-8")
+        lamp = {
+            "profile": "table", "intensity_table": str(path), "ellipticity": 1.2, "tilt_x_deg": 2.0,
+            "window_index": 1.33, "drift_per_hour": -0.3,
+        }  # fmt: skip
+        z_m = np.repeat([2.0, 4.0], 4)
+        table = Readings.from_arrays(
+            x_m=[0.0, 0.3, -0.5, 0.2, 0.0, 0.8, -0.6, 0.1], y_m=[0.0, 0.1, 0.3, -0.6, 0.4, 0.0, 0.9, -0.2],
+            z_m=z_m, value=np.ones(8), stderr=np.full(8, 0.01), time_s=600.0 * np.arange(8),
+            medium=["water", "air"] * 4, quantity="irradiance",
+        )  # fmt: skip
+        return SceneForward(Scene.from_dict({"lamp": lamp, "water": {"absorption_per_m": 0.1}}), table)
+
+    values, stated = {"gain": 3.0}, forward(0.0)
+    change = forward(1.0).predict(values) - stated.predict(values)
+    assert np.abs(change / stated.predict(values)).max() > 0.01
+    np.testing.assert_allclose(stated.lamp_errors(values)[:, 0], change, rtol=1e-6, atol=1e-12)

@@ -120,3 +120,21 @@ def test_broken_tables(tmp_path: Path, rows: str, told: str) -> None:
     file.write_text("angle_deg,phi_deg,intensity\n" + rows)
     with pytest.raises(SceneError, match=told):
         beam_table(str(file))
+
+
+def test_errors_of_a_table_are_over_its_axis(tmp_path: Path) -> None:
+    """What all of the table is off by together is a gain, and no error of the beam."""
+    path = tmp_path / "lamp.csv"
+    path.write_text("angle_deg,intensity,stderr,error_1\n0,50,1,5\n5,40,2,4\n10,10,3,-2\n", encoding="utf-8")
+    errors = beam_table(str(path)).errors
+    own = np.array([[0.02, 0, 0], [0, 0.04, 0], [0, 0, 0.06]])
+    own[0] -= 0.02 * np.array([1.0, 0.8, 0.2])
+    shared = np.array([0.1, 0.08, -0.04]) - 0.1 * np.array([1.0, 0.8, 0.2])
+    np.testing.assert_allclose(errors, [*own, shared], atol=1e-15)
+
+
+def test_errors_of_a_beam_that_is_not_round_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "lamp.csv"
+    path.write_text("angle_deg,phi_deg,intensity,stderr\n0,0,1,0.1\n9,0,1,0.1\n", encoding="utf-8")
+    with pytest.raises(SceneError, match=r"not round.*stderr"):
+        beam_table(str(path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -56,7 +57,10 @@ def test_whitened_noise_is_white() -> None:
     """Draws from the covariance, whitened, have unit variance and no correlation (20000 draws: 1 %)."""
     lay = layout(3, 5)
     sigma = np.linspace(0.01, 0.02, lay.size)
-    noise = Noise(lay, sigma, np.ones(lay.size), Budget(0.003, 0.0, 0.0), np.zeros(lay.size))
+    lamp = 0.03 * np.linspace(-1, 1, lay.size)[:, None]
+    noise = Noise(lay, sigma, np.ones(lay.size), Budget(0.003, 0.0, 0.0), np.zeros(lay.size), lamp_modes=lamp)
+    own = replace(noise, lamp_modes=None).covariance(0.4, 1.3, 0.003)
+    np.testing.assert_allclose(noise.covariance(0.4, 1.3, 0.003), own + lamp @ lamp.T, atol=1e-18)
     whiten = Whitener(noise, rho=0.4, phi=1.3, tolerance=0.003)
     root = np.linalg.cholesky(noise.covariance(0.4, 1.3, 0.003))
     draws = whiten(root @ RNG.standard_normal((lay.size, 20000)))
