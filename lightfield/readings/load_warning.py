@@ -29,6 +29,8 @@ class Remarks(str, Enum):
     ENCODING = "encoding"
     UNUSED_COLUMN = "unused_column"
     UNUSED_ENTRY = "unused_entry"
+    IGNORED_COLUMNS = "ignored_columns"
+    UNIT_TAKEN = "unit_taken"
     TIME_FROM_HEADER = "time_from_header"
     NO_DARK = "no_dark"
     DARK_IN_PROGRAM = "dark_in_program"
@@ -154,6 +156,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.ENCODING: "the file is not UTF-8 and was read as Latin-1",
     Remarks.UNUSED_COLUMN: "the column {unused!r} is not used; it looks like {missing}, which is missing",
     Remarks.UNUSED_ENTRY: "{unused!r} in the head is not used; it looks like {missing}",
+    Remarks.IGNORED_COLUMNS: "columns that are not used: {columns}",
+    Remarks.UNIT_TAKEN: "the column {column!r} does not say its unit: {meaning} is taken to be in {unit}",
     Remarks.TIME_FROM_HEADER: "times are taken from the dates in the files, from {start}",
     Remarks.NO_DARK: "no dark spectrum for {files}: the dark signal is still in these readings",
     Remarks.DARK_IN_PROGRAM: "the program held a dark spectrum: it may have been subtracted already",
@@ -178,6 +182,8 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.ENCODING: "save it as UTF-8",
     Remarks.UNUSED_COLUMN: "rename it to {missing}, in that unit",
     Remarks.UNUSED_ENTRY: "rename it to {missing}",
+    Remarks.IGNORED_COLUMNS: "say what one of them is, if it matters: --column MEANING=NAME",
+    Remarks.UNIT_TAKEN: "if that is wrong, write the unit in brackets behind the name of the column",
     Remarks.TIME_FROM_HEADER: "give time_s in the index if the instrument's clock was wrong",
     Remarks.NO_DARK: "add files with the role dark, at the same exposure",
     Remarks.DARK_IN_PROGRAM: "make sure that the files hold raw counts (scope mode without dark subtraction)",

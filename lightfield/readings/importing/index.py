@@ -70,6 +70,12 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
     sheet = read_sheet(text.read_text(where, INDEX), problems, COLUMNS, ("file",), NUMBERS)
     place = {name: c for c, name in enumerate(sheet.names)}
     unknown = [name for name in sheet.names if name not in COLUMNS]
+    if "file" not in place and look_alike("file", unknown) is None:
+        problems.add(
+            "an index names the file of each spectrum, in a column file",
+            remedy="if this is a table with the places in it, say which column is z: --column z_m=NAME",
+        )
+        return []
     for name in (n for n in COLUMNS if n not in place and n != "file"):
         other = look_alike(name, unknown)
         if other:

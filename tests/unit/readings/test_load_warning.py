@@ -15,6 +15,8 @@ VALUES: dict[Remarks, dict[str, Value]] = {
     Remarks.NO_ERROR_BUDGET: {"terms": ("plane_gain_percent", "position_mm")},
     Remarks.UNUSED_COLUMN: {"unused": "x_cm", "missing": "x_m"},
     Remarks.UNUSED_ENTRY: {"unused": "positon_mm", "missing": "position_mm"},
+    Remarks.IGNORED_COLUMNS: {"columns": ("temp", "remark")},
+    Remarks.UNIT_TAKEN: {"column": "depth", "meaning": "z_m", "unit": "m"},
     Remarks.TIME_FROM_HEADER: {"start": "2025-05-05 12:00:00"},
     Remarks.NO_DARK: {"files": ("a.txt", "b.txt")},
     Remarks.FLAT_TOP: {"levels": (6000.0,), "files": ("a.txt",)},
