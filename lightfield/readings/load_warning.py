@@ -17,6 +17,9 @@ class Remarks(str, Enum):
     """What a warning remarks; stable names, for programs."""
 
     SATURATED = "saturated"
+    FAR_PLACES = "far_places"
+    FAST_TIMES = "fast_times"
+    SLOW_TIMES = "slow_times"
     FEW_PLANES = "few_planes"
     ON_AXIS_ONLY = "on_axis_only"
     X_ONE_SIDE = "x_one_side"
@@ -141,6 +144,10 @@ def _single(said: Mapping[str, Value]) -> str:
 _Words = str | Callable[[Mapping[str, Value]], str]
 _SENTENCES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "{saturated} of {readings} readings are saturated and left out",
+    Remarks.FAR_PLACES: "{name} reaches {far_m:g} m, where light of a lamp is hardly read: it looks like "
+    "centimetres or millimetres",
+    Remarks.FAST_TIMES: "by time_s the detector moved at {speed:g} m/s: it looks like minutes or hours",
+    Remarks.SLOW_TIMES: "by time_s it took {step_s:g} s from place to place: it looks like milliseconds",
     Remarks.FEW_PLANES: _few_planes,
     Remarks.ON_AXIS_ONLY: "all readings are on the axis: the beam's shape and direction cannot be told",
     Remarks.X_ONE_SIDE: "x is on one side of the axis only: offset, tilt, width and asymmetry look alike",
@@ -170,6 +177,9 @@ _SENTENCES: dict[Remarks, _Words] = {
 }
 _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "shorten the exposure there",
+    Remarks.FAR_PLACES: "give positions in metres",
+    Remarks.FAST_TIMES: "give time_s in seconds",
+    Remarks.SLOW_TIMES: "give time_s in seconds",
     Remarks.FEW_PLANES: "measure at five distances or more",
     Remarks.ON_AXIS_ONLY: "scan across the beam",
     Remarks.X_ONE_SIDE: "add readings on the other side",

@@ -9,6 +9,9 @@ from lightfield.readings.load_warning import SHOWN, LoadWarning, Remarks, Value
 
 VALUES: dict[Remarks, dict[str, Value]] = {
     Remarks.SATURATED: {"saturated": 3, "readings": 41},
+    Remarks.FAR_PLACES: {"name": "z_m", "far_m": 250.0},
+    Remarks.FAST_TIMES: {"speed": 7.5},
+    Remarks.SLOW_TIMES: {"step_s": 20000.0},
     Remarks.FEW_PLANES: {"planes": 2},
     Remarks.CONSTANT_INTEGRATION_TIME: {"exposure_s": 0.25},
     Remarks.NO_STDERR: {"unknown": 7, "readings": 41},
