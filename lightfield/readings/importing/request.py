@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 
-from lightfield.errors import MeasurementError
+from lightfield.errors import MeasurementError, did_you_mean
 from lightfield.readings import units
 from lightfield.readings.columns import QUANTITIES
 from lightfield.readings.importing import places
@@ -78,8 +77,7 @@ def check_meanings(columns: Mapping[str, str], problems: Problems) -> None:
     for meaning in columns:
         if meaning in known:
             continue
-        near = difflib.get_close_matches(meaning.lower(), known, n=1)
-        remedy = f"did you mean {near[0]}?" if near else "correct what stands before the ="
+        remedy = did_you_mean(meaning.lower(), known) or "correct what stands before the ="
         if meaning in places.MEANINGS:
             remedy = "say too which column is z_m, if the places are in the table"
         problems.add("unknown meaning of a column", found=meaning, rule=", ".join(known), remedy=remedy)
