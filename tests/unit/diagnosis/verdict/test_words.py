@@ -8,7 +8,7 @@ import pytest
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict import words
-from lightfield.diagnosis.verdict.next_measurement import repeat
+from lightfield.diagnosis.verdict.next_measurement import repeat, what_next
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,
@@ -217,3 +217,9 @@ def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
             "Repeat readings where the misfit is largest (x = 0.30, y = 0.00, z = 6.50 m) at another time: "
             "what repeats is a structure, what does not is noise."
         )
+
+
+def test_no_reading_asked_for_is_no_contradiction_of_a_verdict_that_leaves_something_open() -> None:
+    assert what_next("identified", None) == what_next("none", None) == "No further reading is asked for."
+    for kind in ("ambiguous", "unexplained"):
+        assert what_next(kind, None).startswith("No reading is named")
