@@ -73,10 +73,11 @@ def table() -> Mapping[str, Effect]:
     for effect in _from_entry_points():
         if effect.name in effects:
             raise UsageError(
-                "two effects have one name",
+                "an installed package gives an effect the name of another",
                 where=ENTRY_POINT_GROUP,
                 found=effect.name,
-                remedy="rename the new one",
+                rule="effects have names of their own",
+                remedy="rename it in that package, or uninstall it",
             )
         effects[effect.name] = effect
     return effects

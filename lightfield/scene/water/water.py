@@ -108,7 +108,14 @@ class Water(Part):
         high=100.0,
         neutral=0.0,
     )
-    layer_centre_m: float = number(6.5, "m", "z of the slab's middle", Acts.LAYERS, low=0.0, high=1000.0)
+    layer_centre_m: float = number(
+        6.5,
+        "m",
+        "z of the slab's middle; half way in a tank that ends before",
+        Acts.LAYERS,
+        low=0.0,
+        high=1000.0,
+    )
     layer_width_m: float = number(
         1.0, "m", "thickness of the slab along z", Acts.LAYERS, above=0.0, high=1000.0
     )
