@@ -16,6 +16,8 @@ from lightfield import __version__
 from lightfield.commands._options import add_option
 from lightfield.errors import UsageError, did_you_mean
 
+#: From this likeness on a word is taken for another one misspelt.
+_ALIKE = 0.7
 # Name and help of every sub-command; one whose module is not there is not offered.
 COMMANDS = {
     "new": "begin with a tank of your own: a scene and an empty reading table",
@@ -70,8 +72,9 @@ def prepared(argv: list[str]) -> Callable[[], int]:
     words = [word for word in general.parse_known_args(argv)[1] if not word.startswith("-")]
     chosen = words[0] if words else None
     if chosen is not None and chosen not in commands:
-        near = did_you_mean(chosen, commands)
-        raise UsageError(f"there is no command {chosen!r}", remedy=near or "lightfield --help lists all")
+        near = did_you_mean(chosen, commands, cutoff=_ALIKE)
+        rule = None if near else f"choose from {', '.join(commands)}"
+        raise UsageError(f"there is no command {chosen!r}", rule=rule, remedy=near or "lightfield --help")
     parser, runs = _parser([chosen] if chosen else [])
     _check_options(argv, parser, chosen)
     args = parser.parse_args(argv)
@@ -91,7 +94,10 @@ def _check_options(argv: Sequence[str], parser: _Parser, chosen: str | None) -> 
     for word in argv[: argv.index("--") if "--" in argv else None]:
         option = word.partition("=")[0]
         if option.startswith("--") and option not in known:
-            remedy = did_you_mean(option, known) or f"{' '.join(filter(None, ('lightfield', chosen)))} --help"
+            remedy = (
+                did_you_mean(option, known, cutoff=_ALIKE)
+                or f"{' '.join(filter(None, ('lightfield', chosen)))} --help"
+            )
             raise UsageError("there is no such option", found=word, remedy=remedy)
 
 

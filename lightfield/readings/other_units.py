@@ -22,6 +22,8 @@ _FAR_M, _ASIDE = 80.0, 10.0
 #: From place to place no detector moves faster, in m/s, nor takes longer, in s. Chosen: carriages of tow
 #: tanks make 2 to 3 m/s.
 _FAST, _SLOW_S = 5.0, 3600.0
+#: Times closer than this are one.
+_AT_ONCE_S = 1e-6
 
 
 def unit_of_lengths(values: Array, low_m: float, high_m: float) -> tuple[str, float] | None:
@@ -65,7 +67,7 @@ def _of_times(readings: Readings) -> list[LoadWarning]:
     took_s = np.diff(readings.time_s[order])
     places = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)[order]
     moved_m = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    moves = (took_s > 0) & (moved_m > 0)
+    moves = (took_s > _AT_ONCE_S) & (moved_m > 0)
     if not moves.any():
         return []
     speed, step_s = float(np.median(moved_m[moves] / took_s[moves])), float(np.median(took_s[moves]))
