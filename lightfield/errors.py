@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 SHOWN = 10  # so many problems of a list are printed
 LONGEST_VALUE, LONGEST_LINE = 300, 2000
@@ -60,6 +61,12 @@ def first_ten(lines: Sequence[str]) -> list[str]:
     if len(lines) <= SHOWN:
         return list(lines)
     return [*lines[:SHOWN], f"and {len(lines) - SHOWN} more"]
+
+
+def did_you_mean(word: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """Remedy for a word that is not known: the nearest that is; None where none is near."""
+    near = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
+    return f"did you mean {near[0]}?" if near else None
 
 
 def one_line(error: BaseException) -> str:

@@ -8,14 +8,16 @@ import importlib.util
 import keyword
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
 from lightfield import __version__
 from lightfield.commands._options import add_option
-from lightfield.errors import UsageError
+from lightfield.errors import UsageError, did_you_mean
 
+#: From this likeness on a word is taken for another one misspelt.
+_ALIKE = 0.7
 # Name and help of every sub-command; one whose module is not there is not offered.
 COMMANDS = {
     "new": "begin with a tank of your own: a scene and an empty reading table",
@@ -67,8 +69,14 @@ def prepared(argv: list[str]) -> Callable[[], int]:
             raise UsageError("expected one argument", where=word.removesuffix("=--"), found="--")
     commands = available()
     general = _general_options(argparse.SUPPRESS)
-    chosen = next((word for word in general.parse_known_args(argv)[1] if word in commands), None)
+    words = [word for word in general.parse_known_args(argv)[1] if not word.startswith("-")]
+    chosen = words[0] if words else None
+    if chosen is not None and chosen not in commands:
+        near = did_you_mean(chosen, commands, cutoff=_ALIKE)
+        rule = None if near else f"choose from {', '.join(commands)}"
+        raise UsageError(f"there is no command {chosen!r}", rule=rule, remedy=near or "lightfield --help")
     parser, runs = _parser([chosen] if chosen else [])
+    _check_options(argv, parser, chosen)
     args = parser.parse_args(argv)
     if args.command is None or args.command not in runs:
         parser.print_help()
@@ -78,6 +86,30 @@ def prepared(argv: list[str]) -> Callable[[], int]:
             # The environment, not a global: worker processes must follow.
             os.environ[variable] = str(getattr(args, option))
     return partial(runs[args.command], args)
+
+
+def _check_options(argv: Sequence[str], parser: _Parser, chosen: str | None) -> None:
+    """Refuse options that do not exist, with the nearest that does."""
+    known = _options_of(parser, {chosen})
+    for word in argv[: argv.index("--") if "--" in argv else None]:
+        option = word.partition("=")[0]
+        if option.startswith("--") and option not in known:
+            remedy = (
+                did_you_mean(option, known, cutoff=_ALIKE)
+                or f"{' '.join(filter(None, ('lightfield', chosen)))} --help"
+            )
+            raise UsageError("there is no such option", found=word, remedy=remedy)
+
+
+def _options_of(parser: argparse.ArgumentParser, commands: Collection[str | None] | None = None) -> set[str]:
+    """What the options of a parser are called, with those of its sub-commands, or of some of them."""
+    found = {name for action in parser._actions for name in action.option_strings}
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for name, child in action.choices.items():
+                if commands is None or name in commands:
+                    found |= _options_of(child)
+    return found
 
 
 def whole_parser() -> argparse.ArgumentParser:

@@ -7,16 +7,8 @@ import sys
 from pathlib import Path
 
 from lightfield.errors import LightfieldError
-from lightfield.experiments.new_tank import (
-    LAYOUT,
-    QUESTIONS,
-    READINGS,
-    SCENE,
-    NewTank,
-    Question,
-    new_tank,
-    sizes_told,
-)
+from lightfield.experiments.new_tank import LAYOUT, READINGS, SCENE, NewTank, new_tank, sizes_told
+from lightfield.experiments.questions import QUESTIONS, Question
 from lightfield.storage.files import output_folder
 
 

@@ -54,6 +54,8 @@ class Inquiry:
         Family-wise false-alarm probability of the test of the base model.
     seed : int
         Of the bootstrap, and of the traces that scattered light is settled with.
+    asked : sequence of str
+        Names of `effects`, where not all that are known were asked for.
     """
 
     readings: Readings
@@ -64,6 +66,7 @@ class Inquiry:
     is_settled_after: bool
     alpha: float
     seed: int
+    asked: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -295,7 +295,7 @@ def _inquiry(
         if only is not None
         else [*every.values(), *effects.curves().values()]
     )
-    return Inquiry(readings, scene, source, reason, chosen, diffuse == "trace", alpha, seed)
+    return Inquiry(readings, scene, source, reason, chosen, diffuse == "trace", alpha, seed, only or ())
 
 
 def _following(progress: Callable[[str], None] | None) -> SoFar:
@@ -318,6 +318,6 @@ def _diagnose(inquiry: Inquiry, advise: bool, progress: SoFar) -> Diagnosis:
         known.problem.forward, inquiry.readings, prepared, finding, steps, known.untestable, outcome.trust,
         lamp, inquiry.seed, outcome.also,
     )  # fmt: skip
-    verdict = compose.verdict_of(found, advise)
+    verdict = compose.verdict_of(found, advise).model_copy(update={"asked": list(inquiry.asked)})
     give_back()
     return Diagnosis(verdict, found)

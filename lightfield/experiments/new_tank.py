@@ -1,4 +1,4 @@
-"""A tank of one's own: what has to be asked, and the scene and the empty reading table that follow."""
+"""A tank of one's own: the scene and the empty reading table that follow from answers to `questions`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import tomli_w
 from lightfield.arrays import Array
 from lightfield.errors import OutputError, UsageError
 from lightfield.experiments.layouts import SECONDS_PER_READING
+from lightfield.experiments.questions import QUESTIONS, typed_number, typed_numbers
+from lightfield.readings.checks import FARTHEST_M
 from lightfield.scene import Scene
 from lightfield.scene.spectral.peaks import LEDS, peaks_of
 from lightfield.scene.tank import Tank
@@ -31,57 +33,10 @@ _OPEN_M = (1.0, 2.0, 3.0, 4.0, 5.0)
 _CLEAR = 0.9
 #: Seed of the order in which places are read: the same tank, the same table.
 _ORDER = 0
+#: The smallest size of any tank is less; the deepest pools are 10 to 25 m across.
+_SMALLEST_M = 30.0
 #: Behind the lamp there is so much water, or less in a short tank.
 _BEHIND_M = 0.5
-
-
-@dataclass(frozen=True)
-class Question:
-    """Something that the scene has to know.
-
-    Parameters
-    ----------
-    name : str
-    text : str
-        The question.
-    form : str
-        How the answer is written.
-    default : str
-        What is taken where nobody answers; "" for what follows from the other answers.
-    """
-
-    name: str
-    text: str
-    form: str
-    default: str
-
-
-# fmt: off
-QUESTIONS = (
-    Question(
-        "tank", "Width, depth and length of the water, m",
-        "WxDxL, the beam runs along L; or none for open water", "2x1x6",
-    ),
-    Question("lamp_depth", "Lamp below the surface, m", "a number; half the depth if not given", ""),
-    Question(
-        "walls", "Part of the light that walls and floor send back",
-        "0 to 0.9: black cloth 0.02, dark paint 0.1, white tiles 0.7", "0.1",
-    ),
-    Question("surface", "Is there a free water surface above", "yes or no", "yes"),
-    Question(
-        "lamp", "Spectrum of the lamp",
-        "a name such as led-green, or PEAK/WIDTH in nm, or several such with + between", "led-green",
-    ),
-    Question("beam", "Half width of the beam at half maximum, degrees", "a number", "10"),
-    Question("power", "Light of the lamp, W (not the electrical power)", "a number", "10"),
-    Question("water", "Water", "A,B: absorption and scattering in 1/m, pure, or a preset", "0.1,0"),
-    Question("quantity", "What the detector reads", "irradiance, scalar_irradiance, radiance", "irradiance"),
-    Question("band", "Wavelengths that it sees, nm", "LOW:HIGH", ""),
-    Question("planes", "Distances from the lamp to read at, m", "Z,Z,...", ""),
-    Question("points", "Readings across the beam at each distance", "a whole number, 1 to 201", "11"),
-)
-# fmt: on
-
 
 _TUBE = 'full_angle_deg = 2.0    # what the tube lets in; aim = "lamp" if it follows the lamp, not the axis'
 
@@ -163,6 +118,11 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         near = ["[detector]", "planes_m = [1e-6]"]  # to see the tank by itself
         ahead = Scene.from_toml("\n".join([*tank, *near]), where="the new scene").tank
     planes = typed_numbers(given["planes"], "planes", ",") if given["planes"] else proposed_planes(ahead)
+    if max(np.abs(planes)) > FARTHEST_M:
+        raise UsageError(
+            "farther than any lamp", where="planes", found=given["planes"],
+            rule=f"in m, at most {FARTHEST_M:g}", remedy="millimetres over 1000, centimetres over 100",
+        )  # fmt: skip
     points = int(typed_numbers(given["points"], "points", ",", whole=True)[0])
     if not 1 <= points <= 201:
         raise UsageError("impossible number of readings", where="points", found=points, rule="1 to 201")
@@ -221,6 +181,7 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
             found=given["tank"],
             rule="WxDxL in m, such as 2x1x6, or none",
         )
+    _refuse_other_units(sizes, given["tank"])
     if given["surface"].lower() not in ("yes", "no"):
         raise UsageError("neither yes nor no", where="surface", found=given["surface"], rule="yes or no")
     named = zip(("width_m", "depth_m", "length_m"), sizes, strict=True)
@@ -239,6 +200,20 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
         f"wall_albedo = {typed_number(given['walls'], 'walls')}    # what walls and floor reflect",
         f'surface = "{top}"    # flat: water against air; none: a lid like the walls',
     ]
+
+
+def _refuse_other_units(sizes: Sequence[float], answer: str) -> None:
+    """No tank is so large in all directions."""
+    if min(sizes) >= _SMALLEST_M:
+        units = ((1000, "millimetres"), (100, "centimetres"))
+        told = " or ".join(
+            f"{'x'.join(f'{v / n:g}' for v in sizes)} if these are {name}" for n, name in units
+        )
+        raise UsageError(
+            "no tank is so large", where="tank", found=answer,
+            rule=f"in m, and less than {_SMALLEST_M:g} in one direction at least",
+            remedy=f"write {told}; none for open water",
+        )  # fmt: skip
 
 
 def spectrum_toml(answer: str) -> str:
@@ -356,28 +331,3 @@ def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
         seen[tuple(place)] += 1
     names = "value,stderr,time_s" if blank else "time_s"
     return "\n".join([*head, f"medium,x_m,y_m,z_m,repeat,{names}", *rows]) + "\n"
-
-
-def typed_number(text: str, where: str) -> str:
-    """A number as it was written."""
-    typed_numbers(text, where, None)
-    return text.strip()
-
-
-def typed_numbers(text: str, where: str, separator: str | None, *, whole: bool = False) -> list[float]:
-    """Numbers between separators.
-
-    Raises
-    ------
-    UsageError
-        Something else.
-    """
-    try:
-        parts = [text] if separator is None else text.split(separator)
-        found = [float(int(part) if whole else float(part)) for part in parts]
-        if not np.isfinite(found).all():
-            raise ValueError
-    except ValueError:
-        rule = next(q.form for q in QUESTIONS if q.name == where)
-        raise UsageError("not understood", where=where, found=text, rule=rule) from None
-    return found

@@ -90,6 +90,15 @@ class Fit:
         known = np.isfinite(sigma) & (sigma > 0)
         return float(np.max(np.abs(self.u - u)[known] / sigma[known], initial=0.0))
 
+    def to_go(self) -> tuple[float, Array]:
+        """What one more Newton step would take from chi-square, and that step in errors, (n_parameters,)."""
+        free = (self.model.high > self.model.low) & ~self.at_bound()
+        step, sigma = np.zeros(len(self.u)), np.sqrt(np.diag(self.covariance()))
+        step[free] = _newton(self.jacobian[:, free], self.residual)
+        known = np.isfinite(sigma) & (sigma > 0)
+        gain = float(self.residual @ self.jacobian @ step)
+        return gain, np.divide(step, sigma, out=np.zeros(len(step)), where=known)
+
     def at_bound(self) -> NDArray[np.bool_]:
         """Which parameters lie at a bound, shape (n_parameters,); what is held has none."""
         room = self.model.high - self.model.low

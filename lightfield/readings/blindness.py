@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.readings.load_warning import LoadWarning, Remarks
+from lightfield.readings.other_units import unit_warnings
 
 if TYPE_CHECKING:
     from lightfield.readings.readings import Readings
@@ -25,7 +26,7 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
     if not water.any():
         water = np.ones(len(readings), dtype=bool)
     x, y, z = readings.x_m[water], readings.y_m[water], readings.z_m[water]
-    found = []
+    found = unit_warnings(readings)
     if readings.saturated.any():
         counts = {"saturated": int(readings.saturated.sum()), "readings": len(readings)}
         found.append(LoadWarning(Remarks.SATURATED, counts))

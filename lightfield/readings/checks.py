@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.columns import MEDIA, QUANTITIES, ROLES, SCALES, TERMS
+from lightfield.readings.other_units import unit_of_lengths
 from lightfield.readings.problems import Problems
 
 if TYPE_CHECKING:
@@ -64,7 +65,13 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
         refuse(np.isinf(getattr(readings, name)), name, "is infinite", "a finite number, or nothing")
     for name in ("x_m", "y_m", "z_m"):
         far = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > FARTHEST_M)
-        refuse(far, name, "is farther than any lamp", f"at most {FARTHEST_M:g} m", "give positions in metres")
+        refuse(
+            far,
+            name,
+            "is farther than any lamp",
+            f"at most {FARTHEST_M:g} m",
+            "give positions in metres: millimetres over 1000, centimetres over 100",
+        )
     for name in ("value", "stderr"):
         large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
         refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
@@ -73,7 +80,7 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
         "time_s",
         "is impossible",
         f"{EARLIEST_S:g} to {LATEST_S:g} s",
-        "count seconds from when the lamp was switched on",
+        "count seconds, not milliseconds, from when the lamp was switched on",
     )
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(
@@ -259,6 +266,9 @@ def _check_tank(readings: Readings, tank: Tank, noted: Problems, lines: Sequence
         remedy += "; exchanged, x_m and y_m would lie inside"
     for name, (low, high) in ends.items():
         values = getattr(readings, name)
+        inside = at_z if name == "z_m" else remedy
+        if unit := unit_of_lengths(values[readings.medium == "water"], low, high):
+            inside = f"they look like {unit[0]}: give metres, {name} over {unit[1]:g}"
         outside = beyond(values, name) & (np.abs(values) <= FARTHEST_M)  # else that was said
         for k in np.flatnonzero(outside).tolist():
             noted.add(
@@ -266,5 +276,5 @@ def _check_tank(readings: Readings, tank: Tank, noted: Problems, lines: Sequence
                 place=lines[k],
                 found=values[k].item(),
                 rule=f"{low:g} <= {name} <= {high:g}",
-                remedy=remedy if name != "z_m" else at_z,
+                remedy=inside,
             )

@@ -17,6 +17,9 @@ class Remarks(str, Enum):
     """What a warning remarks; stable names, for programs."""
 
     SATURATED = "saturated"
+    FAR_PLACES = "far_places"
+    FAST_TIMES = "fast_times"
+    SLOW_TIMES = "slow_times"
     FEW_PLANES = "few_planes"
     ON_AXIS_ONLY = "on_axis_only"
     X_ONE_SIDE = "x_one_side"
@@ -29,6 +32,8 @@ class Remarks(str, Enum):
     ENCODING = "encoding"
     UNUSED_COLUMN = "unused_column"
     UNUSED_ENTRY = "unused_entry"
+    IGNORED_COLUMNS = "ignored_columns"
+    UNIT_TAKEN = "unit_taken"
     TIME_FROM_HEADER = "time_from_header"
     NO_DARK = "no_dark"
     DARK_IN_PROGRAM = "dark_in_program"
@@ -139,6 +144,10 @@ def _single(said: Mapping[str, Value]) -> str:
 _Words = str | Callable[[Mapping[str, Value]], str]
 _SENTENCES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "{saturated} of {readings} readings are saturated and left out",
+    Remarks.FAR_PLACES: "{name} reaches {far_m:g} m, where light of a lamp is hardly read: it looks like "
+    "centimetres or millimetres",
+    Remarks.FAST_TIMES: "by time_s the detector moved at {speed:g} m/s: it looks like minutes or hours",
+    Remarks.SLOW_TIMES: "by time_s it took {step_s:g} s from place to place: it looks like milliseconds",
     Remarks.FEW_PLANES: _few_planes,
     Remarks.ON_AXIS_ONLY: "all readings are on the axis: the beam's shape and direction cannot be told",
     Remarks.X_ONE_SIDE: "x is on one side of the axis only: offset, tilt, width and asymmetry look alike",
@@ -154,6 +163,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.ENCODING: "the file is not UTF-8 and was read as Latin-1",
     Remarks.UNUSED_COLUMN: "the column {unused!r} is not used; it looks like {missing}, which is missing",
     Remarks.UNUSED_ENTRY: "{unused!r} in the head is not used; it looks like {missing}",
+    Remarks.IGNORED_COLUMNS: "columns that are not used: {columns}",
+    Remarks.UNIT_TAKEN: "the column {column!r} does not say its unit: {meaning} is taken to be in {unit}",
     Remarks.TIME_FROM_HEADER: "times are taken from the dates in the files, from {start}",
     Remarks.NO_DARK: "no dark spectrum for {files}: the dark signal is still in these readings",
     Remarks.DARK_IN_PROGRAM: "the program held a dark spectrum: it may have been subtracted already",
@@ -166,6 +177,9 @@ _SENTENCES: dict[Remarks, _Words] = {
 }
 _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "shorten the exposure there",
+    Remarks.FAR_PLACES: "give positions in metres",
+    Remarks.FAST_TIMES: "give time_s in seconds",
+    Remarks.SLOW_TIMES: "give time_s in seconds",
     Remarks.FEW_PLANES: "measure at five distances or more",
     Remarks.ON_AXIS_ONLY: "scan across the beam",
     Remarks.X_ONE_SIDE: "add readings on the other side",
@@ -178,6 +192,8 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.ENCODING: "save it as UTF-8",
     Remarks.UNUSED_COLUMN: "rename it to {missing}, in that unit",
     Remarks.UNUSED_ENTRY: "rename it to {missing}",
+    Remarks.IGNORED_COLUMNS: "say what one of them is, if it matters: --column MEANING=NAME",
+    Remarks.UNIT_TAKEN: "if that is wrong, write the unit in brackets behind the name of the column",
     Remarks.TIME_FROM_HEADER: "give time_s in the index if the instrument's clock was wrong",
     Remarks.NO_DARK: "add files with the role dark, at the same exposure",
     Remarks.DARK_IN_PROGRAM: "make sure that the files hold raw counts (scope mode without dark subtraction)",

@@ -30,6 +30,7 @@ def read_sheet(
     known: Sequence[str],
     required: Sequence[str],
     numbers: Sequence[str],
+    add: str = "add it to the line of column names",
 ) -> Sheet:
     """Split a CSV file into cells.
 
@@ -40,6 +41,8 @@ def read_sheet(
         Takes what is wrong; rows that cannot be split are left out.
     known, required, numbers : sequence of str
         Names of columns: all that mean something, those that must be there, those that hold numbers.
+    add : str
+        What to do about one that is missing.
     """
     head: list[tuple[int, str]] = []
     names: list[str] = []
@@ -61,7 +64,7 @@ def read_sheet(
             if not names:
                 delimiter = max(",;\t", key=lambda d: (len({*_cells(line, d)} & {*known}), line.count(d)))
                 names, name_line = _cells(line, delimiter), k
-                _check_names(names, k, problems, known, required)
+                _check_names(names, k, problems, known, required, add)
                 continue
             try:
                 cells = next(csv.reader([line], delimiter=delimiter, strict=True))
@@ -104,7 +107,7 @@ UNITS = {"m": "metres", "nm": "nanometres", "s": "seconds"}
 
 
 def _check_names(
-    names: list[str], line: int, problems: Problems, known: Sequence[str], required: Sequence[str]
+    names: list[str], line: int, problems: Problems, known: Sequence[str], required: Sequence[str], add: str
 ) -> None:
     for name in required:
         if name not in names:
@@ -116,7 +119,7 @@ def _check_names(
                 place=line,
                 found=", ".join(names),
                 rule=f"required: {', '.join(required)}",
-                remedy=rename if close else "add it to the line of column names",
+                remedy=rename if close else add,
                 column=name,
                 whole=True,
             )

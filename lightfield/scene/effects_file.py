@@ -34,4 +34,13 @@ def with_effects(scene: Scene, path: str | os.PathLike[str] | None) -> Scene:
             rule="[[effect]] tables and nothing else",
             remedy="leave the rest to the scene",
         )
+    own = {effect.name for effect in scene.effect}
+    if twice := [effect.name for effect in given.effect if effect.name in own]:
+        raise SceneError(
+            "the scene has effects of these names itself",
+            where=os.fspath(path),
+            found=", ".join(twice),
+            rule="an effect stands in the scene, or in this file",
+            remedy="rename them here, or leave them out: those of the scene are considered anyway",
+        )
     return scene.with_values({OWN_FIELD: (*scene.effect, *given.effect)})

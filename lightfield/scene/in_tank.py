@@ -12,9 +12,11 @@ from lightfield.scene.follower import Follower
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.parameters import told
 from lightfield.scene.tank import Tank
+from lightfield.scene.water.water import Water
 
 WIDTH_M = 2.0  # of a plane, where nothing is said and the tank has room
 ROUNDING_M = 1e-9
+_SLAB = "layer_centre_m"
 #: What the ends of the tank in x, y and z follow from.
 SIZES = (("width_m",), ("depth_m", "lamp_depth_m"), ("length_m", "behind_lamp_m"))
 
@@ -145,6 +147,21 @@ def follower_in(follower: Follower | None, tank: Tank | None) -> Follower:
     found = Follower()
     if tank is not None and found.z_m > tank.box_m[2][1]:
         return found.model_copy(update={"z_m": 0.5 * tank.box_m[2][1]})
+    return found
+
+
+def water_in(water: Water, tank: Tank | None) -> Water:
+    """The water of a scene; a slab whose place it does not say is at the default distance, or in the middle
+    of the water before the lamp where the tank ends sooner."""
+    if _SLAB in water.model_fields_set:
+        return water
+    centre = float(Water.model_fields[_SLAB].default)
+    if tank is not None and centre > tank.box_m[2][1]:
+        centre = 0.5 * tank.box_m[2][1]
+    if centre == water.layer_centre_m:
+        return water
+    found = water.model_copy(update={_SLAB: centre})
+    found.model_fields_set.discard(_SLAB)  # nobody said it: it follows the tank
     return found
 
 

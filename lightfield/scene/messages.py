@@ -83,9 +83,8 @@ def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
     error = problem.get("ctx", {}).get("error")
     if isinstance(error, RuleError) and error.told:
         return f"{path or 'scene'}: {rule}; remedy: {remedy}"
-    return (
-        f"{path or 'scene'}: {what}{found if kind != 'value_error' else ''}; rule: {rule}; remedy: {remedy}"
-    )
+    where = f"{path}: {what}" if path else f"the scene as a whole is {what}"
+    return f"{where}{found if kind != 'value_error' else ''}; rule: {rule}; remedy: {remedy}"
 
 
 def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel], list[str]]:

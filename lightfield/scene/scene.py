@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from lightfield.errors import RuleError, SceneError
+from lightfield.errors import RuleError, SceneError, brief
 from lightfield.scene.detector import Detector
 from lightfield.scene.follower import DetectorArray, Follower
 from lightfield.scene.in_tank import (
@@ -22,6 +23,7 @@ from lightfield.scene.in_tank import (
     check_lamp_inside,
     plane_size_m,
     room_for_lamp_m,
+    water_in,
 )
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import (
@@ -51,6 +53,8 @@ from lightfield.storage.files import atomic_path
 
 __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
+#: So many changed values are named in an error.
+_TOLD = 3
 LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.
 
 
@@ -75,8 +79,19 @@ class Scene(Part):
     @model_validator(mode="after")
     def _effects_have_names(self) -> Scene:
         names = [effect.name for effect in self.effect]
-        if len(set(names)) < len(names):
-            raise RuleError(f"two effects have one name: {', '.join(names)}", "rename one of them")
+        for name, count in Counter(names).items():
+            if count > 1:
+                at = " and ".join(str(k) for k, other in enumerate(names, 1) if other == name)
+                raise RuleError(
+                    f"each [[effect]] has a name of its own, found {name!r} in the tables {at}",
+                    "rename all of them but one",
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _slab_is_in_the_tank(self) -> Scene:
+        """Where nobody says where it is."""
+        self.__dict__["water"] = water_in(self.water, self.tank)
         return self
 
     @model_validator(mode="after")
@@ -327,7 +342,7 @@ class Scene(Part):
         try:
             return type(self).model_validate(data)
         except ValidationError as error:
-            raise scene_error(error, type(self), "values") from None
+            raise scene_error(error, type(self), _assigned(values)) from None
 
     def __repr__(self) -> str:
         return f"<Scene: {self.name or 'without a name'}; {'in a tank' if self.tank else 'open water'}>"
@@ -366,6 +381,12 @@ class Scene(Part):
 def _dumped(value: Any) -> Any:
     """What was said about a part, to be checked again; other values as they are."""
     return value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+
+
+def _assigned(values: Mapping[str, Any]) -> str:
+    """What was to be changed, as an error names it."""
+    told = [f"{path} = {brief(value, 40)}" for path, value in values.items()]
+    return ", ".join(told[:_TOLD]) + (f" and {len(told) - _TOLD} more" if len(told) > _TOLD else "")
 
 
 def _plain(value: Any) -> Any:

@@ -24,7 +24,7 @@ from lightfield.render.at_readings import render_positions
 from lightfield.scene import Detector, Scene
 from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.spectral.detector_response import SILICON, response_at
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.storage.tables import read_columns
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
 
@@ -91,6 +91,11 @@ class Bands:
     best: tuple[BestBand, ...]
     width_nm: float
     scene: Scene
+
+    @property
+    def is_grey(self) -> bool:
+        """Is the water the same at all wavelengths, so that it has no best band?"""
+        return is_grey(self.scene.water)
 
     def flat_nm(self) -> tuple[float, float]:
         """Wavelengths next to the clearest between which attenuation is within a quarter of the least, nm."""
@@ -322,7 +327,13 @@ def as_text(found: Bands) -> str:
 
 
 def headline(found: Bands) -> str:
-    """One sentence: where the paper's band stands."""
+    """One sentence: where the paper's band stands; or that the water has no say in it."""
+    if found.is_grey:
+        return (
+            "The scene's water is the same at all wavelengths, so this says nothing of the water: what "
+            "differs between bands is the lamp and the detector alone. State its spectrum in [water]: "
+            'base = "pure" or a preset, absorption_at, or chlorophyll, CDOM and sediment.'
+        )
     far = [b for b in found.best if b.z_m == found.best[-1].z_m]
     signal = next(b for b in far if b.criterion == "signal")
     return (
@@ -359,6 +370,7 @@ def rows(found: Bands) -> list[list[str]]:
             f"{100 * b.paper_share:.0f} ± {max(100 * b.paper_share_stderr, 0.1):.1f} %",
         ]
         for b in found.best
+        if not (found.is_grey and b.criterion == "attenuation")  # all bands alike
     ]
 
 
@@ -366,6 +378,7 @@ def as_data(found: Bands) -> dict[str, Any]:
     """The answer for programs."""
     return {
         "best": [vars(b) for b in found.best],
+        "grey_water": found.is_grey,
         "width_nm": found.width_nm,
         "flat_nm": list(found.flat_nm()),
         **{

@@ -61,7 +61,8 @@ ASKED = "--quantity irradiance --units counts --band 500:550 -o out.csv"
 # Command line, and words that its message has to hold.
 WRONG: list[tuple[str, list[str]]] = [
     # the program
-    ("rendr scene.toml", ["invalid choice: 'rendr'"]),
+    ("rendr scene.toml", ["no command 'rendr'", "did you mean render?"]),
+    ("diagnose readings.csv --scene scene.toml --notrace", ["--notrace", "did you mean --no-trace?"]),
     ("render", ["required: SCENE"]),
     ("render scene.toml --frobnicate", ["--frobnicate"]),
     ("render scene.toml more", ["more"]),

@@ -8,7 +8,7 @@ from enum import Enum
 from pydantic import Field, computed_field
 
 from lightfield.diagnosis.verdict.aside_words import REPEATS, place
-from lightfield.diagnosis.verdict.parts import Misfit, PlaceToRead, Record, SetAside
+from lightfield.diagnosis.verdict.parts import Kind, Misfit, PlaceToRead, Record, SetAside
 from lightfield.diagnosis.verdict.speech import join, plain
 from lightfield.fitting import effects
 
@@ -59,6 +59,13 @@ def look(aside: Sequence[SetAside]) -> NextMeasurement:
     return NextMeasurement(asks=Asks.LOOK, readings=[spot])
 
 
+def what_next(verdict: Kind, asked: NextMeasurement | None) -> str:
+    """What to measure next in words, and why nothing is named where nothing is."""
+    if asked is not None:
+        return asked.sentence
+    return _UNASKED.get(verdict, "No further reading is asked for.")
+
+
 def _where(spot: PlaceToRead) -> str:
     return f"x = {spot.x_m:.2f}, y = {spot.y_m:.2f}, z = {spot.z_m:.2f} m"
 
@@ -101,6 +108,12 @@ def _look(asked: NextMeasurement) -> str:
     )
 
 
+#: Where no answer is sure, and yet no reading is named.
+_UNASKED: dict[Kind, str] = {
+    "ambiguous": "No reading is named that would tell for sure: that is worked out where two whole "
+    "explanations stand against each other. `lightfield plan` says what other places could tell apart.",
+    "unexplained": "No reading is named before what is said above is cleared up.",
+}
 _WORDS = {
     Asks.PART: _part,
     Asks.OTHER_KIND: _other_kind,

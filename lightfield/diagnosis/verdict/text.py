@@ -26,6 +26,8 @@ def words_of(verdict: Verdict) -> words.Said:
     told = _found(verdict) if why is None else _doubted(verdict, why)
     if why is None and verdict.verdict == "unexplained":
         told = told.then(rest.sentences(verdict.left_over, verdict.misfit))
+    if why is None or why.reason is DoubtReason.SET_ASIDE:
+        told = told.then(words.not_asked(verdict.asked) if verdict.verdict == "unexplained" else "")
     aside = aside_words.sentence(verdict.set_aside, verdict.readings, verdict.several_wavelengths)
     return told.then(aside)
 
@@ -43,7 +45,9 @@ def _doubted(verdict: Verdict, why: Doubt) -> words.Said:
     """Why there is no answer; beside readings that are beyond all effects, what is known of the others."""
     partly = why.reason is DoubtReason.SET_ASIDE
     so_far = found_words.so_far(verdict.found, verdict.ladder, " of the others") if partly else ()
-    return words.Said.of(f"Unexplained{' in part' if so_far else ''}: {words.doubt(why)}.", *so_far)
+    return words.Said.of(
+        f"Unexplained{' in part' if so_far else ''}: {words.doubt(why, verdict.asked)}.", *so_far
+    )
 
 
 def _found(verdict: Verdict) -> words.Said:
@@ -58,8 +62,9 @@ def _found(verdict: Verdict) -> words.Said:
     curve = any(found_words.follows_any(one) for one in verdict.found)
     certain, instead = found_words.told_of_shared(verdict.found, [e.effects for e in verdict.explanations])
     on = words.Grounds(
-        limits, verdict.misfit, within, verdict.determined, noise, curve, tuple(certain), tuple(instead)
-    )
+        limits, verdict.misfit, within, verdict.determined, noise, curve, tuple(certain), tuple(instead),
+        tuple(verdict.asked),
+    )  # fmt: skip
 
     def say(told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> words.Said:
         if many is not None:

@@ -34,6 +34,9 @@ class Verdict(Record):
 
     verdict: Kind
     effects: list[str] = Field(description="the best explanation, or none")
+    asked: list[str] = Field(
+        default_factory=list, description="the only effects that were considered; none: all that are known"
+    )
     explanations: list[AcceptedExplanation] = Field(description="all accepted smallest sets, best first")
     found: list[FoundEffect] = Field(
         default_factory=list, description="every effect of the best set, whatever the verdict"
@@ -127,7 +130,7 @@ class Verdict(Record):
     @computed_field(description="why nothing is named or ruled out whatever was found")  # type: ignore[prop-decorator]
     @property
     def doubt(self) -> str | None:
-        return None if self.reason_to_doubt is None else doubt(self.reason_to_doubt)
+        return None if self.reason_to_doubt is None else doubt(self.reason_to_doubt, self.asked)
 
     @computed_field(description="`hindrances` in words")  # type: ignore[prop-decorator]
     @property

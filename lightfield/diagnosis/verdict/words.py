@@ -52,6 +52,8 @@ class Grounds:
         Effects of one explanation that are certain, whatever stands in for the others.
     instead : tuple of str
         What does as well in place of effects that every explanation has, a sentence for each.
+    asked : tuple of str
+        The only effects that were considered; empty: all that are known.
     """
 
     limits: Mapping[str, DetectionLimit] = field(default_factory=dict)
@@ -62,6 +64,7 @@ class Grounds:
     follows_any: bool = False
     certain: tuple[str, ...] = ()
     instead: tuple[str, ...] = ()
+    asked: tuple[str, ...] = ()
 
 
 def said(
@@ -70,7 +73,9 @@ def said(
     """One or two sentences that say what was found and how sure it is."""
     within = on.within
     if kind == "none":
-        return Said.of(f"No missing effect detectable{within}.", f"{capital(_seen(on.limits, on.noise))}.")
+        among = f" among those asked for{_listed(on.asked)}" if on.asked else ""
+        seen = f"{capital(_seen(on.limits, on.noise))}."
+        return Said.of(f"No missing effect{among} detectable{within}.", seen)
     if kind == "identified":
         names = explanations[0].effects
         families = list(dict.fromkeys(explanations[0].families))
@@ -112,7 +117,18 @@ def said(
         apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
         first = Said(f"{what} ({apart}){within}.", f"{what}{within}.", (f"{capital(apart)}.",))
         return reduce(Said.then, on.instead, first)
-    return Said.of(f"Unexplained by any known effects; {unexplained_about(on.misfit)}.")
+    by = f"the effects asked for{_listed(on.asked)}" if on.asked else "any known effects"
+    return Said.of(f"Unexplained by {by}; {unexplained_about(on.misfit)}.")
+
+
+def not_asked(asked: Sequence[str]) -> str:
+    """What to do where nothing explains the readings, and only some effects were asked for; "" for all."""
+    return "Other effects were not considered; without --effects all that are known are." if asked else ""
+
+
+def _listed(asked: Sequence[str]) -> str:
+    """The effects asked for, where they are few."""
+    return f" ({join(asked)})" if len(asked) <= _NAMED else ""
 
 
 def unexplained_about(misfit: Misfit | None) -> str:
@@ -132,8 +148,14 @@ def _largest(misfit: Misfit) -> str:
     return f"most near {misfit.worst_at:.3g} {UNITS.get(misfit.coordinate, '')}".rstrip()
 
 
-def doubt(why: Doubt) -> str:
-    """Why nothing is named or ruled out, as the verdict says it."""
+def doubt(why: Doubt, asked: Sequence[str] = ()) -> str:
+    """Why nothing is named or ruled out, as the verdict says it.
+
+    Parameters
+    ----------
+    asked : sequence of str
+        The only effects that were considered; empty: all that are known.
+    """
     if why.reason is DoubtReason.NOTHING_BRIGHT:
         return f"{_NO_BEAM}: no bright one is left"
     if why.reason is DoubtReason.NOISE:
@@ -154,7 +176,8 @@ def doubt(why: Doubt) -> str:
         pinned = " and ".join(f"{path} = {value + 0.0:.3g}" for path, value in why.pinned.items())
         return f"{_NO_BEAM}: they ask for more than {pinned} allows, the edge of what is possible"
     if why.reason is DoubtReason.SET_ASIDE and why.structure is not None:
-        return f"readings that no known effect reaches are no slips: {_in_common(why.structure)}"
+        effects = "none of the effects asked for" if asked else "no known effect"
+        return f"readings that {effects} reaches are no slips: {_in_common(why.structure)}"
     named = join(why.named) if why.named else "the base model"
     return f"{named} would explain the readings, but {not_confirmed(why)}"
 

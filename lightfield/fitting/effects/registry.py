@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib.metadata import entry_points
 
-from lightfield.errors import UsageError
+from lightfield.errors import UsageError, did_you_mean
 from lightfield.fitting.effects import air, detector, free_form, lamp, own, tank, water
 from lightfield.fitting.effects.effect import Effect, Form
 from lightfield.scene import Scene
@@ -53,12 +52,11 @@ def _check_paths(effect: Effect, where: str) -> None:
     known = Scene.from_dict({"tank": {}}).parameters()
     for path in effect.paths:
         if path not in known:
-            near = difflib.get_close_matches(path, known, n=1)
             raise UsageError(
                 f"the effect {effect.name} frees a parameter that no scene has",
                 where=where,
                 found=path,
-                remedy=f"did you mean {near[0]}?" if near else "`lightfield scene` lists the parameters",
+                remedy=did_you_mean(path, known) or "`lightfield scene` lists the parameters",
             )
 
 
@@ -75,10 +73,11 @@ def table() -> Mapping[str, Effect]:
     for effect in _from_entry_points():
         if effect.name in effects:
             raise UsageError(
-                "two effects have one name",
+                "an installed package gives an effect the name of another",
                 where=ENTRY_POINT_GROUP,
                 found=effect.name,
-                remedy="rename the new one",
+                rule="effects have names of their own",
+                remedy="rename it in that package, or uninstall it",
             )
         effects[effect.name] = effect
     return effects
@@ -119,15 +118,13 @@ def get(name: str) -> Effect:
     Raises
     ------
     UsageError
-        No effect has that name; the error lists those that exist.
+        No effect has that name; the error gives the nearest, or lists those that exist.
     """
     effects = {**table(), **curves(), **_of_scenes}
     if name not in effects:
-        near = difflib.get_close_matches(name, effects, n=1)
-        raise UsageError(
-            "unknown effect", found=name, rule="one of " + ", ".join(effects),
-            remedy=f"did you mean {near[0]}?" if near else None,
-        )  # fmt: skip
+        near = did_you_mean(name, effects)
+        rule = None if near else f"one of {', '.join(effects)}"
+        raise UsageError("unknown effect", found=name, rule=rule, remedy=near)
     return effects[name]
 
 

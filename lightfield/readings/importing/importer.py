@@ -17,7 +17,7 @@ from lightfield.readings.importing import places, provenance, reduction, saturat
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.importing.replicates import BandValue, joined_rows
-from lightfield.readings.importing.request import Bands, settle_request
+from lightfield.readings.importing.request import Bands, check_meanings, has_places, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
 from lightfield.readings.instruments.oddity import Odd
@@ -72,16 +72,20 @@ def import_index(
     where = fspath(path)
     unit = settle_request(quantity, units, bands_nm, saturation_level)
     problems = Problems(where)
-    if columns and "z_m" in columns:
-        shots = places.read_places(where, columns, bands_nm, problems)
+    notes: list[LoadWarning] = []
+    unusable = places.UNUSABLE if has_places(columns) else "not a usable index"
+    check_meanings(columns or {}, problems)
+    problems.raise_any(unusable)
+    if columns and has_places(columns):
+        shots, notes = places.read_places(where, columns, bands_nm, problems)
     else:
         shots = _read_files(read_index(path, problems), problems, columns)
     shots = _settle(shots, unit == "counts", problems)
     if not is_absolute(unit):
         _check_one_instrument(shots, problems)
-    problems.raise_any("not a usable index")
+    problems.raise_any(unusable)
     shots, time_note = _times(shots)
-    notes: list[LoadWarning] = [] if time_note is None else [time_note]
+    notes += [] if time_note is None else [time_note]
     darks = [shot for shot in shots if shot.entry.role == "dark"]
     sequence = _in_order([shot for shot in shots if shot.entry.role in ("signal", "reference")])
     points: dict[tuple[int, int], BandValue] = {}
@@ -96,7 +100,7 @@ def import_index(
             problems.add(f"{shot.entry.called}: {error}", place=shot.entry.line)
         else:
             points |= {(k, b): one for b, one in enumerate(found)}
-    problems.raise_any("not a usable index")
+    problems.raise_any(unusable)
     notes += provenance.doubts_of_files(sequence, darks, unit, flat)
     rows = joined_rows(sequence, points, len(bands_nm))
     single = provenance.single_spectra([row["n_spectra"] for row in rows], [row["stderr"] for row in rows])

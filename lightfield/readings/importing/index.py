@@ -17,6 +17,10 @@ ROLES = ("signal", "dark", "reference", "ignore")
 NUMBERS = ("x_m", "y_m", "z_m", "time_s", "integration_time_s")
 COLUMNS = ("file", "medium", *NUMBERS, "role", "spectrum")
 NAN = float("nan")
+_NO_INDEX = (
+    "name the file of each spectrum in it; of a table with the places in it say which column is z: "
+    "--column z_m=NAME"
+)
 
 
 @dataclass(frozen=True)
@@ -67,9 +71,11 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
         The file cannot be read; everything else that is wrong goes to `problems`.
     """
     where = fspath(path)
-    sheet = read_sheet(text.read_text(where, INDEX), problems, COLUMNS, ("file",), NUMBERS)
+    sheet = read_sheet(text.read_text(where, INDEX), problems, COLUMNS, ("file",), NUMBERS, _NO_INDEX)
     place = {name: c for c, name in enumerate(sheet.names)}
     unknown = [name for name in sheet.names if name not in COLUMNS]
+    if "file" not in place:
+        return []
     for name in (n for n in COLUMNS if n not in place and n != "file"):
         other = look_alike(name, unknown)
         if other:
@@ -80,8 +86,6 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
                 rule=", ".join(COLUMNS),
                 remedy=f"name it {name}" + (f", and give {unit}" if unit else ""),
             )
-    if "file" not in place:
-        return []
     entries, used = [], dict[tuple[str, str], int]()
     for line, cells in sheet.rows:
         row = {name: cells[c].strip() for name, c in place.items()}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings.columns import MEDIA
 from lightfield.readings.importing.index import ROLES, Entry
@@ -16,13 +16,17 @@ from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.instruments import plain
 from lightfield.readings.instruments.columns import NumberBlock, check_axis, find_table
 from lightfield.readings.instruments.spectrum import Spectrum
+from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.problems import Problems
 from lightfield.readings.text import read_text
 from lightfield.storage.inputs import READINGS
 
 PLACES = ("z_m", "x_m", "y_m", "time_s", "integration_time_s")
 MEANINGS = (*PLACES, "value", "medium", "role")
+#: Where they are columns, no reading lacks them.
+NEEDED = ("z_m", "x_m", "y_m", "value")
 NAME = "table of places"
+UNUSABLE = "not a usable table"
 #: Units that a name may have in brackets, or behind an underscore, in metres and in seconds.
 _FACTORS = {
     "m": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048},
@@ -32,16 +36,18 @@ _FACTORS = {
 
 def read_places(
     where: str, columns: Mapping[str, str], bands_nm: Sequence[tuple[float, float]], problems: Problems
-) -> list[Shot]:
+) -> tuple[list[Shot], list[LoadWarning]]:
     """One shot for each row: its place, and its value for the band, or its spectrum (wavelengths as names).
+
+    And a warning of each column whose name does not say its unit.
 
     Parameters
     ----------
     where : str
         Path of the table.
     columns : mapping of str to str
-        Which column is what (of MEANINGS), by its name or number from 1. Lengths and times are in the unit
-        that the name has in brackets ("depth (cm)") or behind an underscore, else in m and s.
+        Which column is what, all of MEANINGS, by its name or number from 1. Lengths and times are in the
+        unit that the name has in brackets ("depth (cm)") or behind an underscore, else in m and s.
     bands_nm : sequence of (float, float), nm
         The value, where one is named, is that of the only band.
     problems : Problems
@@ -51,21 +57,23 @@ def read_places(
     MeasurementError
         The file cannot be read, or holds no table.
     """
-    unknown = [meaning for meaning in columns if meaning not in MEANINGS]
-    for meaning in unknown:
-        problems.add("unknown meaning of a column", found=meaning, rule=", ".join(MEANINGS))
     table = find_table(read_text(where, READINGS).lines, problems)
     if table is None:
         raise MeasurementError(
             "no table of numbers", where=where, rule="names of columns, and two rows or more below them",
             remedy="export it as CSV",
         )  # fmt: skip
-    at = {m: plain.column_named(table, name, m, problems) for m, name in columns.items() if m in MEANINGS}
-    problems.raise_any("not a usable table")
-    numbers = {m: _lengths(table, m, at[m], problems) for m in PLACES if m in at}
-    spectra = _one_band(where, table, at["value"], bands_nm, problems) if "value" in at else None
-    if spectra is None:
+    at = {m: plain.column_named(table, name, m, problems) for m, name in columns.items()}
+    problems.raise_any(UNUSABLE)
+    units = {m: _unit(table, m, at[m], problems) for m in PLACES if m in at}
+    numbers = {m: table.column(at[m], problems) * _factors(m).get(unit, 1.0) for m, unit in units.items()}
+    if "value" in at:
+        spectra = _one_band(where, table, at["value"], bands_nm, problems)
+        ignored = plain.unused(table, at.values())
+    else:
         spectra = _spectra(where, table, problems)
+        spectral = (k for places, _ in table.across().values() for k in places)
+        ignored = plain.unused(table, [*at.values(), *spectral])
     shots = []
     for k, line in enumerate(table.lines):
         row = {m: table.cells[k][at[m]] for m in ("medium", "role") if m in at}
@@ -86,25 +94,40 @@ def read_places(
             problems.add("unknown medium", place=line, found=entry.medium, rule=" or ".join(MEDIA))
         if entry.role not in ROLES:
             problems.add("unknown role", place=line, found=entry.role, rule=", ".join(ROLES))
-        if entry.role in ("signal", "reference") and not entry.z_m > 0:
-            problems.add("z_m is an impossible position", place=line, found=entry.z_m, rule="z_m > 0")
+        if entry.role in ("signal", "reference"):
+            for m in NEEDED:
+                if m in at and table.is_blank(k, at[m]):
+                    problems.add(
+                        f"{table.called(at[m])} is missing", place=line, rule=f"{m} of every reading"
+                    )
+            if entry.z_m <= 0:
+                problems.add("z_m is an impossible position", place=line, found=entry.z_m, rule="z_m > 0")
         if entry.role != "ignore" and k < len(spectra):
-            shots.append(Shot(entry, spectra[k], entry.integration_time_s, entry.time_s))
-    return shots
+            spectrum = replace(spectra[k], ignored=ignored)
+            shots.append(Shot(entry, spectrum, entry.integration_time_s, entry.time_s))
+    taken = [
+        LoadWarning(
+            Remarks.UNIT_TAKEN, {"column": table.called(at[m]), "meaning": m, "unit": m.rpartition("_")[2]}
+        )
+        for m, unit in units.items()
+        if unit not in _factors(m)
+    ]
+    return shots, taken
 
 
-def _lengths(table: NumberBlock, meaning: str, index: int, problems: Problems) -> Array:
-    """A column in m or s, by the unit in its name."""
-    values = table.column(index, problems)
-    name, factors = table.names[index], _FACTORS["s" if meaning.endswith("_s") else "m"]
+def _factors(meaning: str) -> Mapping[str, float]:
+    return _FACTORS[meaning.rpartition("_")[2]]
+
+
+def _unit(table: NumberBlock, meaning: str, index: int, problems: Problems) -> str:
+    """The unit in the name of a column of lengths or times; "" where it has none that is known."""
+    name, known = table.names[index], _factors(meaning)
     said = (table.units[index] or (m[1] if (m := re.search(r"_([a-z]+)$", name)) else "")).strip().lower()
-    if said and said not in factors:
-        if table.units[index]:
-            problems.add(
-                f"unknown unit of {meaning}", found=said, rule=", ".join(factors), remedy="rename the column"
-            )
-        return values
-    return np.asarray(values * factors.get(said, 1.0))
+    if said not in known and table.units[index]:
+        problems.add(
+            f"unknown unit of {meaning}", found=said, rule=", ".join(known), remedy="rename the column"
+        )
+    return said if said in known else ""
 
 
 def _one_band(

@@ -98,6 +98,9 @@ def doubts_of_files(
             found.append(LoadWarning(Remarks.MIXED_SETTINGS, differ))
     if unit != "counts" and not all(np.isfinite(s.exposure_s) for s in sequence):
         found.append(LoadWarning(Remarks.NO_EXPOSURE))
+    ignored = tuple(dict.fromkeys(name for s in shots for name in s.spectrum.ignored))
+    if ignored:
+        found.append(LoadWarning(Remarks.IGNORED_COLUMNS, {"columns": ignored}))
     odd: dict[Oddity, list[str]] = {}
     for shot in shots:
         for note in shot.spectrum.notes:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from lightfield.errors import MeasurementError
+from lightfield.errors import MeasurementError, did_you_mean
 from lightfield.readings import units
 from lightfield.readings.columns import QUANTITIES
+from lightfield.readings.importing import places
+from lightfield.readings.instruments import plain
+from lightfield.readings.problems import Problems
 
 Bands = Sequence[tuple[float, float]]
 
@@ -61,3 +64,20 @@ def settle_request(
             remedy="correct the saturation level",
         )
     return found
+
+
+def has_places(columns: Mapping[str, str] | None) -> bool:
+    """Are these columns of a table of one's own, which has the places in it?"""
+    return columns is not None and "z_m" in columns
+
+
+def check_meanings(columns: Mapping[str, str], problems: Problems) -> None:
+    """What columns are said to be must be known; what is not goes to `problems`."""
+    known = places.MEANINGS if has_places(columns) else plain.MEANINGS
+    for meaning in columns:
+        if meaning in known:
+            continue
+        remedy = did_you_mean(meaning.lower(), known) or "correct what stands before the ="
+        if meaning in places.MEANINGS:
+            remedy = "say too which column is z_m, if the places are in the table"
+        problems.add("unknown meaning of a column", found=meaning, rule=", ".join(known), remedy=remedy)

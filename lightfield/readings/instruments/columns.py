@@ -67,13 +67,25 @@ class NumberBlock:
         out = np.full(len(self.cells), np.nan)
         for k, row in enumerate(self.cells):
             cell = row[index]
-            if not whole and (not cell or text.NOT_A_NUMBER.fullmatch(cell)):
+            if not whole and self.is_blank(k, index):
                 continue
             try:
                 out[k] = text.parsed_number(cell, self.mark)
             except ValueError as error:
-                problems.add(f"{cell!r:.40} {error}", place=self.lines[k], remedy="export it again")
+                problems.add(
+                    f"{self.called(index)} {error}", place=self.lines[k], found=cell,
+                    remedy="correct it, or export it again",
+                )  # fmt: skip
         return out
+
+    def is_blank(self, row: int, index: int) -> bool:
+        """Does a cell say that there is no number?"""
+        cell = self.cells[row][index]
+        return not cell or text.NOT_A_NUMBER.fullmatch(cell) is not None
+
+    def called(self, index: int) -> str:
+        """Name of a column, or its number where it has none."""
+        return self.names[index] or f"column {index + 1}"
 
     def across(self) -> dict[str, tuple[list[int], Array]]:
         """Columns that are named by wavelengths: what stands before the number, to their places and nm."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -82,7 +83,7 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     else:
         wanted = [chosen["value"]] if "value" in chosen else [k for k in range(len(table.names)) if k != axis]
         sets = [
-            ("" if "value" in chosen else table.names[k] or f"column {k + 1}",
+            ("" if "value" in chosen else table.called(k),
              {"value": table.column(k, problems)}, table.units[k])
             for k in wanted
         ]  # fmt: skip
@@ -93,9 +94,16 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
             for values in columns.values():
                 values[-1] = np.nan
         notes = (Oddity(Odd.CUT_LINE),)
+    ignored = unused(table, [axis, *chosen.values()]) if "value" in chosen else ()
     return [
-        _spectrum(document, table, wavelength, columns, label, unit, notes) for label, columns, unit in sets
+        replace(_spectrum(document, table, wavelength, columns, label, unit, notes), ignored=ignored)
+        for label, columns, unit in sets
     ]
+
+
+def unused(table: NumberBlock, used: Collection[int]) -> tuple[str, ...]:
+    """Columns of a table that are not among those used."""
+    return tuple(table.called(k) for k in range(len(table.names)) if k not in used)
 
 
 def column_named(table: NumberBlock, name: str, meaning: str, problems: Problems) -> int:

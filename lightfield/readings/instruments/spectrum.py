@@ -46,6 +46,8 @@ class Spectrum:
         The number counts photons, not power.
     notes : tuple of Oddity
         What is odd about the file but does not prevent its use.
+    ignored : tuple of str
+        Columns of the file that are not used.
     """
 
     source: str
@@ -68,6 +70,7 @@ class Spectrum:
     band_nm: tuple[float, float] | None = None
     photons: bool = False
     notes: tuple[Oddity, ...] = ()
+    ignored: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.wavelength_nm)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from lightfield.diagnosis.verdict.found.found_words import effect_size, instead
+from lightfield.diagnosis.verdict.next_measurement import what_next
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -145,7 +146,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         falls=len(verdict.ladder) > 1 and not _rises(verdict.ladder),
         explanations=[_explanation(each) for each in verdict.explanations],
         rival=_rival(verdict.nearest_rival),
-        next_sentence=(advice.sentence if advice else "") or "No further reading is asked for.",
+        next_sentence=what_next(verdict.verdict, advice),
         spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],
         limits=[_limit(name, each) for name, each in verdict.detection_limits.items() if each.within_range],
         unseen=[spaced(name) for name, each in verdict.detection_limits.items() if not each.within_range],

@@ -20,7 +20,7 @@ from lightfield.report.sections import Section, Table
 from lightfield.scene import Scene
 from lightfield.studies.follower.design import Arrays
 from lightfield.studies.follower.frames import in_degrees
-from lightfield.studies.follower.information import Bound
+from lightfield.studies.follower.information import Bound, is_told
 from lightfield.studies.follower.survey import Survey
 
 NOT_MODELLED = (
@@ -75,8 +75,9 @@ def bound_row(title: str, one: Bound) -> list[str]:
     cells = []
     for name, sigma in one.sigma.items():
         doubt = one.doubt.get(name, 0.0)
-        shown = f"{SHOWN[name][1] * sigma:.3g}" if np.isfinite(sigma) else "unknown"
-        cells.append(shown + (f" ± {100 * doubt:.0f} %" if doubt and np.isfinite(sigma) else ""))
+        known = is_told(name, sigma)
+        shown = f"{SHOWN[name][1] * sigma:.3g}" if known else "unknown"
+        cells.append(shown + (f" ± {100 * doubt:.0f} %" if doubt and known else ""))
     tied = one.correlation("x", "yaw") if "yaw" in one.names else np.nan
     return [title, *cells, f"{tied:+.2f}" if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
 

@@ -10,8 +10,9 @@ import numpy as np
 from lightfield.report.follower.page import light_in_words, section, write
 from lightfield.report.follower.pose_figures import bias_figure, plane_figure, sequence_figure
 from lightfield.report.page import page_figure
-from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy
+from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy, told_bias
 from lightfield.studies.follower.frames import in_degrees
+from lightfield.studies.follower.information import is_told
 from lightfield.studies.follower.sequence import Poses
 
 #: Samples that a table shows.
@@ -27,12 +28,14 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
             one = axis.sel(scattering_per_m=b, calibration=name)
             cells = [
                 f"{1e3 * v:+.0f} ± {1e3 * s:.0f} ± {1e3 * t:.0f}".replace("-", "\N{MINUS SIGN}")
+                if is_told("z", max(abs(v), s))
+                else "not determined"
                 for v, s, t in zip(one.bias_z.values, one.sigma_z.values, one.trace_z.values, strict=True)
             ]
             rows.append([f"b = {b:g}", str(name), *cells, f"{one.misfit.values.max():.1f}"])
     own = study.scene.water.scattering_per_m
     worst = {
-        str(name): float(np.abs(study.plane.sel(calibration=name).bias_z.values).max())
+        str(name): float(np.abs(told_bias(study.plane.sel(calibration=name), "z").fillna(0.0).values).max())
         for name in study.plane.calibration.values
     }
     most, least = max(worst, key=worst.__getitem__), min(worst, key=worst.__getitem__)

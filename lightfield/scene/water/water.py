@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from itertools import pairwise
 from typing import Annotated
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from lightfield.errors import RuleError
+from lightfield.errors import RuleError, did_you_mean
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
@@ -109,7 +108,14 @@ class Water(Part):
         high=100.0,
         neutral=0.0,
     )
-    layer_centre_m: float = number(6.5, "m", "z of the slab's middle", Acts.LAYERS, low=0.0, high=1000.0)
+    layer_centre_m: float = number(
+        6.5,
+        "m",
+        "z of the slab's middle; half way in a tank that ends before",
+        Acts.LAYERS,
+        low=0.0,
+        high=1000.0,
+    )
     layer_width_m: float = number(
         1.0, "m", "thickness of the slab along z", Acts.LAYERS, above=0.0, high=1000.0
     )
@@ -178,9 +184,7 @@ class Water(Part):
             readable(read_columns, self.table, ("wavelength_nm", "absorption_per_m", "scattering_per_m"))
         known = ["none", "pure", "table", *list_presets()]
         if self.base not in known:
-            near = difflib.get_close_matches(self.base, known, n=1, cutoff=0.4)
-            raise RuleError(
-                f'base "{self.base}" is not one of {", ".join(known)}',
-                f"did you mean {near[0]}?" if near else "choose one of them",
-            )
+            if near := did_you_mean(self.base, known, cutoff=0.4):
+                raise RuleError(f'base "{self.base}" is not known', near)
+            raise RuleError(f'base "{self.base}" is not one of {", ".join(known)}', "choose one of them")
         return self

@@ -41,7 +41,7 @@ class Apparent:
 
     @property
     def K_stderr(self) -> Array:
-        """Its standard error, shape (n_colours,), 1/m; mostly the same error for all colours."""
+        """Its standard error, shape (n_colours,), 1/m; mostly common to all colours; widened by misfits."""
         return self.estimate.stderr[:, 1]
 
     @property
@@ -107,7 +107,12 @@ class Apparent:
         return xr.Dataset(
             {k: (d, v, {"long_name": name, "units": unit}) for k, (d, v, name, unit) in variables.items()},
             coords={"wavelength_nm": r.wavelength_nm, "distance_m": distances},
-            attrs={"chi2": estimate.chi2, "degrees_of_freedom": estimate.dof, "reference": r.reference},
+            attrs={
+                "chi2": estimate.chi2,
+                "degrees_of_freedom": estimate.dof,
+                "reference": r.reference,
+                "errors_times": estimate.errors_times,
+            },
         )
 
 
@@ -122,4 +127,4 @@ def apparent_attenuation(ratios: Ratios) -> Apparent:
     ones = np.ones_like(ratios.y)
     X = np.stack([ones, -ratios.path_m[:, None] * ones], axis=2)
     H = stays(ratios.stay, len(ratios.stay_stderr))
-    return Apparent(ratios, Design(ratios.stderr, X, H, ratios.stay_stderr).estimate(ratios.y))
+    return Apparent(ratios, Design(ratios.stderr, X, H, ratios.stay_stderr).estimate(ratios.y).widened())

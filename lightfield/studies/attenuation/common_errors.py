@@ -11,16 +11,30 @@ more than their number. The covariance of theta is
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from lightfield.arrays import Array
 
 #: Of a colour's largest singular value, below which a combination of its parameters is not told.
 _TOLD = 1e-9
+#: A chi-square whose probability is smaller than this is no chance: the model does not fit.
+POOR_FIT = 0.01
+
+
+def misfit_factor(chi2: float, dof: int) -> float:
+    """What errors are multiplied by where the model does not fit; 1 where that may be chance.
+
+    Source
+    ------
+    Birge (1932), Phys. Rev. 40, 207, doi:10.1103/PhysRev.40.207.
+    """
+    poor = dof > 0 and chi2 > dof and stats.chi2.sf(chi2, dof) <= POOR_FIT
+    return float(np.sqrt(chi2 / dof)) if poor else 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +53,8 @@ class JointEstimate:
         y - X theta - H beta; NaN where nothing was read.
     chi2 : float
     dof : int
+    errors_times : float
+        What `own` and `modes` were multiplied by (as errors), because of the misfit; see `misfit_factor`.
     """
 
     theta: Array
@@ -48,6 +64,12 @@ class JointEstimate:
     residual: Array
     chi2: float
     dof: int
+    errors_times: float = 1.0
+
+    def widened(self) -> JointEstimate:
+        """The same with errors as large as the misfit says."""
+        times = misfit_factor(self.chi2, self.dof)
+        return replace(self, own=times**2 * self.own, modes=times * self.modes, errors_times=times)
 
     @property
     def stderr(self) -> Array:

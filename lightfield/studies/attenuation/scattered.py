@@ -19,7 +19,7 @@ from lightfield.arrays import Array
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.apparent import Apparent
-from lightfield.studies.attenuation.common_errors import Design, JointEstimate, stays
+from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, stays
 from lightfield.studies.attenuation.excess import Excess, excess_light
 from lightfield.studies.attenuation.ratios import Ratios
 
@@ -45,7 +45,7 @@ class Scattered:
     ----------
     wavelength_nm : array, shape (n_colours,), nm
     a, b, a_stderr, b_stderr : array, shape (n_colours,), 1/m
-        Meant where `told`; elsewhere b is held at a guess, and a goes with it.
+        Meant where `told`; elsewhere b is held at a guess, and a goes with it. Errors are widened by misfits.
     told : array of bool, shape (n_colours,)
         Does the layout part a from b?
     kappa : array, shape (n_colours,)
@@ -199,14 +199,16 @@ def scattered_light(
     kappa, combined, combined_stderr = _combination(estimate, a, b)
     nothing, largest = np.zeros_like(b), stack.excess[0].largest_b
     alone = _absorption(stack, np.maximum(combined, 0), nothing, nothing > 0)[1]
-    error = estimate.stderr[:, -2:]
+    dof = estimate.dof - int((~told).sum())
+    times = misfit_factor(estimate.chi2, dof)
+    error = times * estimate.stderr[:, -2:]
     other_kappa = {
         g: float(_combination(*_fitted(apparent, o)[:3])[0].mean()) for g, o in (others or {}).items()
     }
     return Scattered(
         apparent[0].ratios.wavelength_nm, a, b, error[:, 0], error[:, 1], told, kappa, combined,
-        combined_stderr, alone, largest, -np.expm1(-stack.light(a, b)), estimate.chi2,
-        estimate.dof - int((~told).sum()), other_kappa, scene_says(apparent[0], stack.excess[0]),
+        times * combined_stderr, alone, largest, -np.expm1(-stack.light(a, b)), estimate.chi2, dof,
+        other_kappa, scene_says(apparent[0], stack.excess[0]),
     )  # fmt: skip
 
 

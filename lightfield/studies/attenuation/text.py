@@ -9,14 +9,13 @@ import numpy as np
 
 from lightfield.arrays import Array, finite
 from lightfield.studies.attenuation.apparent import Apparent
+from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
 from lightfield.studies.attenuation.constituents import Amount
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Attenuation, Content, beer_lambert_is_off
 
 #: So many colours are printed; the data hold all.
 SHOWN = 12
-#: Straight lines with a smaller probability than this do not fit.
-POOR_FIT = 0.01
 #: Readings that part from the scene's water by more of their errors show another.
 OTHER_WATER_SIGMA = 4.0
 #: An amount that is off by more of its stated errors than this is named.
@@ -98,8 +97,9 @@ def fit_sentence(one: Apparent) -> str:
     if one.misfit_p > POOR_FIT:
         return text + "fit. That does not show that Beer-Lambert holds: scattered light keeps them straight."
     return (
-        text
-        + "do not fit. The errors are stated too small, or more than attenuation is at work: diagnose it."
+        f"{text}do not fit. The errors are stated too small, or more than attenuation is at work: diagnose "
+        f"it. All errors of K are multiplied by {e.errors_times:.2g}, the root of chi-square over degrees of "
+        "freedom."
     )
 
 
@@ -125,10 +125,11 @@ def scattered_sentences(found: Scattered) -> list[str]:
             "arrives had been scattered or reflected. A second receiver that sees less of it (a collimator), "
             "or readings beside the beam, would part the two.",
         ]
-    if found.told.any() and found.misfit_p <= POOR_FIT:
+    if found.misfit_p <= POOR_FIT:
         lines.append(
             f"But that does not fit the readings (chi-square {found.chi2:.0f} for {found.dof} degrees of "
-            "freedom): these a and b, and their errors, are not to be trusted."
+            f"freedom): these a and b are not to be trusted, though their errors are multiplied by "
+            f"{misfit_factor(found.chi2, found.dof):.2g}."
         )
     if not found.told.all() and found.told.any():
         lines.append(f"a and b are parted at {int(found.told.sum())} of {len(found.told)} wavelengths.")
@@ -199,6 +200,12 @@ def content_sentences(found: Content) -> list[str]:
     if traced is None:
         return ["Without a trace only Beer-Lambert is left: it takes every scattered photon for lost."]
     lines = []
+    if traced.p <= POOR_FIT:
+        lines.append(
+            "Scattered light does not make these constituents fit the readings (chi-square / dof "
+            f"{traced.chi2 / traced.dof:.2f}): their intervals are too narrow, by a factor of "
+            f"{misfit_factor(traced.chi2, traced.dof):.2g} at least."
+        )
     off = {k: v for k, v in beer_lambert_is_off(found).items() if abs(v[1]) > NOTEWORTHY_SIGMA}
     if off:
         words = [

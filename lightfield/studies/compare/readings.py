@@ -22,7 +22,7 @@ from lightfield.diagnosis.search.better_light.settling import settle
 from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare_problem
 from lightfield.diagnosis.verdict.calibration import by_shape
-from lightfield.diagnosis.verdict.cautions.caution import Caution
+from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.cautions.plausibility import hints
 from lightfield.diagnosis.verdict.compose import estimates, units_in
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent, rms_over
@@ -249,6 +249,8 @@ def fit_readings(
         for _ in range(2 if solver == "render" else 0):
             model = model.corrected(made.whiten, tracing or {})
         problem, fit = model.problem, model.fit
+        if not fit.converged:
+            cautions.append(_not_converged(fit))
         adequacy = made.test.on(problem)(fit)
         sigma, lit = np.sqrt(prepared.noise.variance(1.0, 0.0)), bright(problem)
         return FitReport(
@@ -269,6 +271,14 @@ def fit_readings(
             base,
             sigma,
         )
+
+
+def _not_converged(fit: Fit) -> Caution:
+    """What a fit that was stopped still had to go."""
+    gain, step = fit.to_go()
+    most = int(np.argmax(np.abs(step)))
+    told = {"gain": gain, "sigma": float(np.abs(step[most]))}
+    return Caution(warns=Warns.NOT_CONVERGED, about=fit.paths[most], values=told)
 
 
 def _refit(

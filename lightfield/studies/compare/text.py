@@ -29,7 +29,7 @@ def as_text(report: FitReport) -> str:
         f"    readings used     = {kept} of {model.problem.layout.size}",
         f"    free parameters   = {len(model.fit.u)}",
         f"    model evaluations = {model.fit.evaluations}"
-        + ("" if model.fit.converged else " (not converged)"),
+        + ("" if model.fit.converged else " (not converged: see the warning below)"),
         f"    chi-square        = {statistics.chi2:.4g}",
         f"    chi-square / dof  = {statistics.chi2_per_dof:.3f}",
         f"    error             = {_in_percent(statistics.error_percent)}  (rms, above 5 % of the plane's "
@@ -75,6 +75,7 @@ def as_data(report: FitReport) -> dict[str, Any]:
         "solver": report.solver,
         "parameters": {path: e.model_dump() for path, e in report.estimates.items()},
         "correlations": [{"a": a, "b": b, "value": v} for a, b, v in correlations(model.fit)],
+        "converged": model.fit.converged,
         **asdict(statistics),
         "chi2_per_dof": statistics.chi2_per_dof,
         "where": {name: [asdict(row) for row in rows] for name, rows in report.residuals.where.items()},

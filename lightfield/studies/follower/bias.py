@@ -26,6 +26,7 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.information import NOTHING_M, is_told
 from lightfield.studies.follower.light import (
     STEP,
     ArrayModel,
@@ -234,16 +235,25 @@ class BiasStudy:
             for name in self.axis.calibration.values:
                 one = self.axis.sel(scattering_per_m=b, calibration=name)
                 cells = [
-                    f"{1e3 * v:+.0f} +- {1e3 * s:.0f}"
+                    f"{1e3 * v:+.0f} +- {1e3 * s:.0f}" if is_told("z", max(abs(v), s)) else "not determined"
                     for v, s in zip(one.bias_z.values, one.sigma_z.values, strict=True)
                 ]
                 lines.append(f"  {name:<33} " + " / ".join(f"{cell:>13}" for cell in cells))
-        doubt = 1e3 * float(self.axis.sel(calibration=CALIBRATIONS[0]).trace_z.max())
+        known = self.axis.sel(calibration=CALIBRATIONS[0])
+        doubt = 1e3 * float(known.trace_z.where(known.sigma_z < NOTHING_M).fillna(0.0).max())
         lines.append(f"errors of the trace: up to {doubt:.0f} mm where the gain is known")
         for name in self.plane.calibration.values:
-            sideways = 1e3 * np.abs(self.plane.sel(calibration=name).bias_x.values).max()
-            lines.append(f"in the scene's own water, {name}: sideways wrong by up to {sideways:.0f} mm")
+            told = told_bias(self.plane.sel(calibration=name), "x")
+            worst = f"wrong by up to {1e3 * float(np.abs(told).max()):.0f} mm"
+            sideways = worst if told.notnull().any() else "not determined"
+            lines.append(f"in the scene's own water, {name}: sideways {sideways}")
         return "\n".join(lines)
+
+
+def told_bias(found: xr.Dataset, name: str) -> xr.DataArray:
+    """Bias of x, y or z, m; NaN where a reading does not tell it."""
+    bias, sigma = found[f"bias_{name}"], found[f"sigma_{name}"]
+    return bias.where((sigma < NOTHING_M) & (np.abs(bias) < NOTHING_M))
 
 
 def _data(found: xr.Dataset) -> dict[str, Any]:

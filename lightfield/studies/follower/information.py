@@ -32,6 +32,9 @@ LEAST_EIGENVALUE = 1e-11
 #: Information of a coordinate that is none: known to 100 m, 100 rad, or a factor of e^100 (rounding leaves
 #: more than 0).
 LEAST_INFORMATION = 1e-4
+#: Errors from which on nothing is known, m and rad: a place to 100 m (see above), and an angle as one that
+#: may be any: 360 degrees over the root of 12.
+NOTHING_M, NOTHING_RAD = 100.0, 2 * np.pi / 12**0.5
 #: An element that reads less than this part of the brightest tells nothing (rounding of derivatives).
 DARK = 1e-9
 #: Prior, by its standard deviation, of a coordinate that is not known at all.
@@ -119,10 +122,16 @@ class Bound:
         """One line."""
         x, y, z, yaw, pitch, _ = in_degrees(self.pose)
         known = ", ".join(
-            _words(name, value) + (f" +- {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) else "")
+            _words(name, value)
+            + (f" +- {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) and is_told(name, value) else "")
             for name, value in self.sigma.items()
         )
         return f"x {x:g}, y {y:g}, z {z:g} m, yaw {yaw:g}, pitch {pitch:g} deg: {known}"
+
+
+def is_told(name: str, sigma: float) -> bool:
+    """Is a coordinate known at all, if its standard deviation, m or rad, is this?"""
+    return bool(sigma < (NOTHING_M if name in POSE[:3] else NOTHING_RAD))
 
 
 def _with_units(names: Sequence[str]) -> list[str]:
@@ -136,7 +145,7 @@ def _printed(sigma: Mapping[str, float]) -> dict[str, float]:
 
 
 def _words(name: str, sigma: float) -> str:
-    if not np.isfinite(sigma):
+    if not is_told(name, sigma):
         return f"{name} unknown"
     return f"{name} {1000 * sigma:.3g} mm" if name in POSE[:3] else f"{name} {np.degrees(sigma):.3g} deg"
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import re
 
 import pytest
 
 from lightfield.commands import link
-from lightfield.commands._line import COMMANDS, _module
+from lightfield.commands._line import COMMANDS, _module, prepared
 from lightfield.commands._options import OPTIONS, photon_count, seed_number
 from lightfield.errors import LightfieldError, UsageError
+from lightfield.fitting import effects
 from lightfield.render.limits import PHOTONS, SEED
 from lightfield.render.settings import Settings
 from lightfield.sweep.sweep_plan import SweepSettings
@@ -63,3 +65,23 @@ def test_the_help_of_a_seed_says_what_threads_leave_equal(command: str) -> None:
     importlib.import_module(_module(command)).add_arguments(parser)
     (seed,) = (action for action in parser._actions if "--seed" in action.option_strings)
     assert "last bit on one thread" in seed.help and "single precision on several" in seed.help
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("diagnos data.csv", "no command 'diagnos'; remedy: did you mean diagnose?"),
+        ("diagnose data.csv --notrace", "found '--notrace'; remedy: did you mean --no-trace?"),
+        ("diagnose data.csv --frobnicate=3", "lightfield diagnose --help"),
+    ],
+)
+def test_a_misspelt_word_is_answered_by_the_nearest(line: str, said: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(said)):
+        prepared(line.split())
+
+
+def test_a_misspelt_effect_is_answered_by_the_nearest_alone() -> None:
+    """Not by a list of forty with the answer at its end."""
+    with pytest.raises(UsageError) as refused:
+        effects.get("scatering")
+    assert str(refused.value) == "unknown effect; found 'scatering'; remedy: did you mean scattering?"

@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lightfield as lf
-from lightfield.errors import LightfieldError, MeasurementError, OutputError
-from lightfield.experiments.new_tank import LAYOUT, QUESTIONS, READINGS, SCENE, new_tank
+from lightfield.errors import LightfieldError, MeasurementError, OutputError, UsageError
+from lightfield.experiments.new_tank import LAYOUT, READINGS, SCENE, new_tank
+from lightfield.experiments.questions import QUESTIONS
 from lightfield.readings import read_table
 from lightfield.readings.columns import LAYOUT as COLUMNS
 from lightfield.scene import Scene
@@ -52,6 +53,18 @@ def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
     filled = re.sub(r",,,$", ",1.5,,", readings.read_text(encoding="utf-8"), flags=re.MULTILINE)
     readings.write_text(filled, encoding="utf-8")
     assert (read_table(readings, made.scene).value == 1.5).all()
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [
+        ({"tank": "2000x1000x6000"}, "2x1x6 if these are millimetres or 20x10x60 if these are centimetres"),
+        ({"tank": "none", "planes": "1000,2000"}, "millimetres over 1000"),
+    ],
+)
+def test_millimetres_are_not_taken_for_metres(answers: dict[str, str], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        new_tank(answers)
 
 
 def test_answers_stand_in_the_scene() -> None:

@@ -135,7 +135,7 @@ def test_a_package_can_add_an_effect(monkeypatch: pytest.MonkeyPatch, fresh_tabl
 def test_a_package_cannot_replace_an_effect(monkeypatch: pytest.MonkeyPatch, fresh_table: None) -> None:
     third_party(monkeypatch, effects.get("background"))
     effects.table.cache_clear()
-    with pytest.raises(UsageError, match="two effects have one name"):
+    with pytest.raises(UsageError, match="gives an effect the name of another"):
         effects.table()
 
 

@@ -11,6 +11,7 @@ import pytest
 from lightfield.errors import MeasurementError
 from lightfield.readings import Readings, read_table, write_table
 from lightfield.readings.columns import LAYOUT
+from lightfield.readings.load_warning import Remarks
 from lightfield.scene import Scene, Tank
 
 TANK = Tank(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_depth_m=1.0)
@@ -89,6 +90,36 @@ def test_exchanged_columns_are_proposed_where_they_would_fit_the_tank():
     with pytest.raises(MeasurementError) as caught:
         readings(x_m=[0, 5], y_m=[0, 5]).check_against(scene())
     assert "exchanged" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"z_m": [120.0, 290.0]}, "look like centimetres: give metres, z_m over 100"),
+        ({"x_m": [-250.0, 250.0]}, "look like millimetres: give metres, x_m over 1000"),
+        ({"z_m": [4.5, 11.6]}, "positions are in metres"),
+    ],
+)
+def test_positions_in_another_unit_are_told_by_the_tank(given, said):
+    """A slip by a few centimetres is none."""
+    with pytest.raises(MeasurementError, match=said):
+        readings(**given).check_against(scene())
+
+
+@pytest.mark.parametrize(
+    ("given", "code"),
+    [
+        ({"z_m": [100.0, 150.0]}, Remarks.FAR_PLACES),
+        ({"x_m": [-60.0, 60.0]}, Remarks.FAR_PLACES),
+        ({"time_s": [0.0, 0.1]}, Remarks.FAST_TIMES),
+        ({"time_s": [0.0, 20000.0]}, Remarks.SLOW_TIMES),
+        ({"time_s": [0.0, 20.0]}, None),
+    ],
+)
+def test_numbers_that_are_hardly_in_metres_and_seconds_are_warned_of(given, code):
+    units = (Remarks.FAR_PLACES, Remarks.FAST_TIMES, Remarks.SLOW_TIMES)
+    found = [w.code for w in readings(**given).warnings if w.code in units]
+    assert found == ([] if code is None else [code])
 
 
 def decibels(values) -> Readings:

@@ -202,10 +202,32 @@ def test_a_table_of_ones_own_with_places_in_it(tmp_path):
         ({"z_m": "station"}, "is not a number"),
         ({"z_m": "deep"}, "no column for z_m"),
         ({"z_m": "2", "depth": "3"}, "unknown meaning"),
+        ({"x_m": "x_mm"}, "say too which column is z_m"),
         ({"z_m": "x_mm"}, "impossible position"),
     ):
         with pytest.raises(MeasurementError, match=said):
             import_index(path, bands_nm=[(500.0, 550.0)], **{**asked, "columns": mapping})
+
+
+def test_a_table_of_ones_own_says_all_that_is_wrong_and_what_it_leaves_aside(tmp_path):
+    """Cells by their line and column; columns that are not used, and a unit that is taken for granted."""
+    path = written(tmp_path, "depth,x_mm,Scope,temp\n1,0,5,20\n2,0,abc,20\n,0,x,20\n4,,nan,20\n5,0,3,20\n")
+    columns = {"z_m": "depth", "x_m": "x_mm", "value": "Scope"}
+    asked = dict(quantity="irradiance", units="relative", bands_nm=[(500.0, 550.0)])
+    with pytest.raises(MeasurementError, match="not a usable table: 5 problems") as refused:
+        import_index(path, **asked, columns=columns)
+    assert [line.partition(";")[0] for line in refused.value.problems] == [
+        "line 3: Scope is not a number", "line 4: Scope is not a number", "line 4: depth is missing",
+        "line 5: x_mm is missing", "line 5: Scope is missing",
+    ]  # fmt: skip
+    path = written(tmp_path, "depth,x_mm,Scope,temp\n1,0,5,20\n2,0,4,20\n")
+    notes = [str(note) for note in import_index(path, **asked, columns=columns).warnings]
+    assert any("not used: temp" in note for note in notes)
+    assert any("'depth' does not say its unit: z_m is taken to be in m" in note for note in notes)
+    with pytest.raises(MeasurementError, match="did you mean value"):
+        import_index(path, **asked, columns={"z_m": "depth", "valu": "Scope"})
+    with pytest.raises(MeasurementError, match="say which column is z: --column z_m=NAME"):
+        import_index(path, **asked)
 
 
 SEEMS = {

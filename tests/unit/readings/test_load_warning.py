@@ -9,12 +9,17 @@ from lightfield.readings.load_warning import SHOWN, LoadWarning, Remarks, Value
 
 VALUES: dict[Remarks, dict[str, Value]] = {
     Remarks.SATURATED: {"saturated": 3, "readings": 41},
+    Remarks.FAR_PLACES: {"name": "z_m", "far_m": 250.0},
+    Remarks.FAST_TIMES: {"speed": 7.5},
+    Remarks.SLOW_TIMES: {"step_s": 20000.0},
     Remarks.FEW_PLANES: {"planes": 2},
     Remarks.CONSTANT_INTEGRATION_TIME: {"exposure_s": 0.25},
     Remarks.NO_STDERR: {"unknown": 7, "readings": 41},
     Remarks.NO_ERROR_BUDGET: {"terms": ("plane_gain_percent", "position_mm")},
     Remarks.UNUSED_COLUMN: {"unused": "x_cm", "missing": "x_m"},
     Remarks.UNUSED_ENTRY: {"unused": "positon_mm", "missing": "position_mm"},
+    Remarks.IGNORED_COLUMNS: {"columns": ("temp", "remark")},
+    Remarks.UNIT_TAKEN: {"column": "depth", "meaning": "z_m", "unit": "m"},
     Remarks.TIME_FROM_HEADER: {"start": "2025-05-05 12:00:00"},
     Remarks.NO_DARK: {"files": ("a.txt", "b.txt")},
     Remarks.FLAT_TOP: {"levels": (6000.0,), "files": ("a.txt",)},

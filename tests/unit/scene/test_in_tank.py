@@ -150,3 +150,15 @@ def test_a_scene_says_itself_in_a_line() -> None:
     scene = Scene.from_toml('name = "a pool"\n[tank]\nlength_m = 20.0\n')
     assert repr(scene) == "<Scene: a pool; in a tank>"
     assert repr(Scene()) == "<Scene: without a name; open water>"
+
+
+def test_a_slab_that_is_stated_nowhere_is_in_the_tank() -> None:
+    """In one that ends before the default of 6.5 m half way; it follows the tank, and stays unsaid."""
+    long = Scene.from_toml(
+        "[tank]\nlength_m = 12\n[water]\nlayer_absorption_per_m = 0.1\n[detector]\nplanes_m = [1.0]"
+    )
+    short = long.with_values({"tank.length_m": 4.5})
+    assert (long.water.layer_centre_m, short.water.layer_centre_m) == (6.5, 2.0)
+    assert "layer_centre_m" not in short.to_toml() and Scene.from_toml(short.to_toml()) == short
+    assert short.with_values({"tank.length_m": 12.0}) == long
+    assert short.with_values({"water.layer_centre_m": 1.0}).water.layer_centre_m == 1.0

@@ -187,3 +187,11 @@ def test_the_complaint_of_a_table_is_told_once_with_its_own_rule(tmp_path: Path)
 
 def test_a_water_is_known_in_small_letters_too() -> None:
     assert Scene.from_toml('[water]\nbase = "JERLOV-ia"').water.base == "jerlov-IA"
+
+
+def test_a_value_that_does_not_fit_the_rest_is_named() -> None:
+    """Not as "values: scene: not possible"."""
+    with pytest.raises(
+        SceneError, match=r"^tank\.length_m = 3\.0: the scene as a whole is not possible; rule: "
+    ):
+        Scene.from_toml("[tank]\nlength_m = 12").with_values({"tank.length_m": 3.0})

@@ -171,7 +171,7 @@ def test_an_effect_that_cannot_be_is_one_clear_error(case: str) -> None:
 
 
 def test_two_of_one_name_are_refused() -> None:
-    with pytest.raises(SceneError, match="two effects have one name"):
+    with pytest.raises(SceneError, match="found 'shadow' in the tables 1 and 2; remedy: rename all"):
         Scene.from_dict({"effect": [SHADOW, SHADOW]})
 
 
@@ -187,7 +187,9 @@ def test_a_file_of_effects_has_nothing_else(tmp_path: Path) -> None:
     scene = with_effects(Scene.from_dict({"lamp": {"hwhm_deg": 5.0}}), path)
     assert scene.lamp.hwhm_deg == 5.0 and [effect.name for effect in scene.effect] == ["shadow"]
     assert with_effects(scene, None) is scene
-    with pytest.raises(SceneError, match="two effects have one name"):
+    with pytest.raises(
+        SceneError, match=r"own\.toml: the scene has effects of these names itself; found 'shadow'"
+    ):
         with_effects(scene, path)
     path.write_text("[lamp]\nhwhm_deg = 3.0\n")
     with pytest.raises(SceneError, match="not a file of effects"):

@@ -202,7 +202,13 @@ def test_what_is_no_straight_line_is_said() -> None:
     bent = Readings.from_arrays(
         **columns, value=np.where(behind, 0.97, 1.0) * whole.value, plane_gain_percent=0.1, position_mm=0.0
     )
-    assert "straight lines do not fit" in as_text(attenuation(bent, scene()))
+    found = attenuation(bent, scene())
+    assert "straight lines do not fit" in as_text(found)
+    one = found.apparent[0]
+    times = np.sqrt(one.estimate.chi2 / one.estimate.dof)
+    assert f"errors of K are multiplied by {times:.2g}" in as_text(found) and times > 1
+    stated = attenuation(whole, scene()).apparent[0].K_stderr
+    assert one.K_stderr == pytest.approx(times * stated, rel=0.05), "of the same errors that were stated"
     assert "straight lines fit" in as_text(attenuation(whole, scene()))
 
 

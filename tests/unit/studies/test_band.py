@@ -133,3 +133,14 @@ def test_words_data_and_page() -> None:
     found = best_band(scene(), False)
     assert len(json.loads(json.dumps(as_data(found)))["best"]) == 6
     assert "of the best signal" in as_text(found) and band_page(found).count("<svg") == 2 * 1
+
+
+def test_grey_water_has_no_best_band() -> None:
+    """Of equal attenuation at all wavelengths the first band is no answer; what to state is."""
+    found = best_band(scene(base="none", absorption_per_m=0.1), False, distances_m=[4.0])
+    text = as_text(found)
+    assert (
+        text.startswith("The scene's water is the same at all wavelengths") and "State its spectrum" in text
+    )
+    assert "least attenuation " not in text and as_data(found)["grey_water"]
+    assert not best_band(scene(), False, distances_m=[4.0]).is_grey

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -124,6 +126,8 @@ def test_what_cannot_be_known_is_said_to_be_unknown() -> None:
     assert np.isinf(rolled.criteria["A"]) and "roll unknown" in rolled.as_text()
     two = bound(ArrayModel(FormulaLight(SCENE), grid((2, 1), 0.4)), on_axis(6.5), FIVE, ONE_PERCENT)
     assert np.isinf([two.sigma[n] for n in ("x", "y", "yaw", "pitch")]).all() and two.sigma["z"] < 0.03
+    turned = replace(rolled, names=("x", "yaw"), covariance=np.diag([1e-4, np.radians(140.0) ** 2]))
+    assert turned.as_text().endswith("x 10 mm, yaw unknown"), "an angle that may be any is off by 104 degrees"
 
 
 def test_an_elliptical_beam_makes_roll_known() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -125,3 +127,10 @@ def test_a_space_that_no_light_reaches_is_refused_before_any_trace(monkeypatch) 
         UsageError, match=r"no light is left so far.*found '9000 m'.*nearer detector\.planes_m"
     ):
         bias_study(SCENE, Space(near_m=3.0, far_m=9000.0, half_width_m=0.4))
+
+
+def test_a_place_that_may_be_anywhere_is_no_number_of_millimetres() -> None:
+    study = bias_study(SCENE, SPACE, (0.0,), photons=0)
+    assert "not determined" not in study.as_text()
+    lost = replace(study, axis=study.axis.assign(sigma_z=1e9 * study.axis.sigma_z))
+    assert lost.as_text().count("not determined") == len(CALIBRATIONS) * lost.axis.z_m.size

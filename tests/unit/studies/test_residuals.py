@@ -86,3 +86,17 @@ def test_the_page_and_the_ledger_of_a_dark_model_have_dashes(unlit: FitReport, t
     assert "NaN" not in line and json.loads(line)["error_percent"] is None
     page = readings_page(unlit, ledger.entries(tmp_path), "dark")
     assert "base: error – %, noise floor – %." in page and "nan" not in re.sub("<svg.*?</svg>", "", page)
+
+
+def test_a_fit_that_was_stopped_says_how_far_it_had_to_go() -> None:
+    """One that is taken five errors beside its end: chi-square would fall by what a parabola says."""
+    table, scene = readings({}, seed=3)
+    whole = fit_readings(table, scene, diffuse=None)
+    assert whole.model.fit.converged and as_data(whole)["converged"]
+    at = whole.model.fit
+    k = at.paths.index("water.absorption_per_m")
+    away = 5.0 * np.sqrt(np.diag(at.covariance()))[k] * (np.arange(len(at.u)) == k)
+    stopped = replace(at, u=at.u + away, residual=at.residual - at.jacobian @ away, converged=False)
+    found = fitting._not_converged(stopped)
+    assert found.values["gain"] == pytest.approx(float(away @ at.jacobian.T @ at.jacobian @ away), rel=0.05)
+    assert "one step more would lower chi-square by" in found.sentence and "-o writes" in found.sentence

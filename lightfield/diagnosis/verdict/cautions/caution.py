@@ -29,6 +29,7 @@ class Warns(str, Enum):
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
     LEFT_OUT = "scattered and reflected light left out"
+    NOT_CONVERGED = "not converged"
     NOT_CONFIRMED = "not confirmed by a fresh render"
 
 
@@ -76,6 +77,9 @@ _WORDS = {
     "if these readings are such, leave wavelength_nm out",
     Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "
     "reading {exchanged:.2g} instead of {as_given:.2g}): check the columns",
+    Warns.NOT_CONVERGED: "the fit was stopped before it stood still: one step more would lower chi-square by "
+    "{gain:.2g} and move {about} by {sigma:.2g} of its error; begin nearer to the end (with the fitted scene "
+    "that -o writes), or leave out one of the effects that hang together",
     Warns.NOT_CONFIRMED: CONTRADICTED + ": the explanation is no better than the former",
 }
 

@@ -22,6 +22,7 @@ NUMBERS = {
     Warns.GAIN: {"ratio": 1.57, "power_w": 30.0, "calibration_percent": 10.0},
     Warns.OF_BAND: {"ratio": 0.106},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
+    Warns.NOT_CONVERGED: {"gain": 12.0, "sigma": 3.5},
     Warns.NOT_CONFIRMED: {"fitted_percent": 0.42, "rendered_percent": 3.1},
 }
 

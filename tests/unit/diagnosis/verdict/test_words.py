@@ -8,7 +8,7 @@ import pytest
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict import words
-from lightfield.diagnosis.verdict.next_measurement import repeat
+from lightfield.diagnosis.verdict.next_measurement import repeat, what_next
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,
@@ -197,6 +197,17 @@ def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: 
     assert text == words.Said.of(f"Unexplained by any known effects; {said}.")
 
 
+def test_what_was_not_asked_for_is_not_ruled_out() -> None:
+    """Of two effects alone nothing follows for all that are known."""
+    asked = words.Grounds(asked=("scattering", "beam_tilt"))
+    by = "the effects asked for (scattering and beam tilt)"
+    assert words.said("unexplained", [], None, asked).headline.startswith(f"Unexplained by {by};")
+    assert words.said("none", [], None, asked).headline == (
+        "No missing effect among those asked for (scattering and beam tilt) detectable."
+    )
+    assert "--effects" in words.not_asked(asked.asked) and not words.not_asked(())
+
+
 def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
     spot = PlaceToRead(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=3)
     time = Misfit(coordinate="time", worst_at=3.0)
@@ -206,3 +217,9 @@ def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
             "Repeat readings where the misfit is largest (x = 0.30, y = 0.00, z = 6.50 m) at another time: "
             "what repeats is a structure, what does not is noise."
         )
+
+
+def test_no_reading_asked_for_is_no_contradiction_of_a_verdict_that_leaves_something_open() -> None:
+    assert what_next("identified", None) == what_next("none", None) == "No further reading is asked for."
+    for kind in ("ambiguous", "unexplained"):
+        assert what_next(kind, None).startswith("No reading is named")
