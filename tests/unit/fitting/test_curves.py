@@ -328,7 +328,7 @@ def test_a_diagnosis_leaves_its_curves_and_its_lamp(tmp_path: Path) -> None:
     table = readings(ringed, noise=0.01)
     made = diagnose(table, believed(), diffuse=None, only=["background"], advise=False)
     found = problem(table, "beam_profile")
-    last = replace(made.steps[-1], fit=fitted(found, table.stderr))
+    last = replace(made.steps[-1], explanation=found.curves[-1:], fit=fitted(found, table.stderr))
     steps = [*made.steps[:-1], last]
     replace(made, found=replace(made.found, steps=steps, forward=found.forward)).save(tmp_path / "with")
     made.save(tmp_path / "without")
