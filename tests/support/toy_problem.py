@@ -76,6 +76,9 @@ class Linear:
     def holding(self, values: Mapping[str, float]) -> Linear:
         return self
 
+    def lamp_errors(self, values: Mapping[str, float]) -> np.ndarray:
+        return np.zeros((len(self.predict(values)), 0))
+
     def errors(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros((self.size, 0)), np.zeros(self.size)
 

@@ -64,7 +64,10 @@ class _Told:
     off: Array
 
     def predict(self, values: Mapping[str, float]) -> Array:
-        return np.asarray(self.forward.predict(values) + self.forward.errors(values)[0] @ self.off)
+        # Where nothing reflects the contributions of its photons, which are the last, are not there.
+        modes = self.forward.errors(values)[0]
+        both = min(modes.shape[1], len(self.off))
+        return np.asarray(self.forward.predict(values) + modes[:, :both] @ self.off[:both])
 
 
 def in_uncertain_light(

@@ -29,6 +29,9 @@ class Traced:
     def errors(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
         return values["toy.haze"] * np.diag(self.error), np.zeros(len(self.error))
 
+    def lamp_errors(self, values: Mapping[str, float]) -> np.ndarray:
+        return self.linear.lamp_errors(values)
+
 
 def draw(seed: int) -> tuple[float, float, float]:
     """An effect of size 1 in light that was told wrongly: its size in that light as it was told; its size and
@@ -78,3 +81,21 @@ def test_what_the_readings_do_not_tell_apart_has_errors_all_the_same() -> None:
     alone, covariance, _ = made.regression(problem, "odd")
     assert abs(found.fit.u[2:].sum() - alone[2]) < 0.02 * np.sqrt(covariance[2, 2])
     assert np.isclose(found.covariance[2:, 2:].sum(), covariance[2, 2], rtol=1e-2)
+
+
+class Reflected(Traced):
+    """Light of which nothing is told where there is none: no contributions, as beside walls of albedo 0."""
+
+    def errors(self, values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+        modes, smooth = super().errors(values)
+        return modes if values["toy.haze"] else modes[:, :0], smooth
+
+
+def test_a_fit_may_try_an_effect_that_is_not_there() -> None:
+    """At its bound, where light has no errors at all and was fitted with some."""
+    lay, low = layout(), candidate("haze", low=0.0)
+    made = Toy.of([low], {"haze": np.sin(3 * lay.x_m) * lay.z_m}, lay)
+    forward = Reflected(made.problem.forward, PHOTONS * made.sigma)
+    problem = replace(made.drawn(np.random.default_rng(1), haze=-0.05), forward=forward)
+    found = in_uncertain_light(problem, problem.candidates, made.whiten, np.array([1.0, 0.1, 0.5]))
+    assert found.fit.values["toy.haze"] == 0.0
