@@ -5,6 +5,9 @@ the readings is taken by other parameters, that then look surer than they are: b
 the g of scattering water had an error four times too small (scenes/dive_lamp). So the best set is fitted once
 more with the next longer form of its curves, over a range of every shape, where valleys are bent; an error
 covers the values that fit as well.
+
+Gains of planes leave out their level and their slope over the distance, which a gain and the absorption are:
+those that are as large as the others by chance go into the errors of what is fitted in their place.
 """
 
 from __future__ import annotations
@@ -13,12 +16,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import stdtrit
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit
 from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
 
@@ -26,6 +31,8 @@ from lightfield.fitting.parameter import FitParameter
 _HELD = (2.0, 4.0)
 #: Steps of a fit at most, and what it may leave of chi-square.
 _STEPS, _LEFT = 20, 0.05
+#: Part of a distribution below one standard error; combinations of parameters that are not told, as in `Fit`.
+_HOLDS, _SINGULAR = 0.8413, 1e-6
 #: Chi-square by which all is worse that lies beyond one and beyond two standard errors.
 _ONE_SIGMA, _TWO_SIGMA = 1.0, 4.0
 
@@ -44,12 +51,40 @@ def _widened(tried: Tried) -> Tried:
         return tried
     problem = tried.test.problem
     longer = tuple(_longer(problem, c) for c in tried.explanation)
-    if longer == tried.explanation:
-        return tried
     errors, phi = dict(tried.errors), tried.adequacy.phi if tried.adequacy else 1.0
-    for path, error in truncation_errors(tried, problem, longer, phi).items():
-        errors[path] = max(error, errors.get(path, 0.0))
-    return replace(tried, errors=errors)
+    if longer != tried.explanation:
+        for path, error in truncation_errors(tried, problem, longer, phi).items():
+            errors[path] = max(error, errors.get(path, 0.0))
+    own = tried.fit.stderr(phi)
+    for path, error in slope_errors(tried, problem).items():
+        errors[path] = float(np.hypot(np.fmax(errors.get(path, 0.0), own[path]), error))
+    return tried if errors == tried.errors else replace(tried, errors=errors)
+
+
+def slope_errors(tried: Tried, problem: Problem) -> Mapping[str, float]:
+    """What level and slope of the gains of planes may do to each value, by path; empty without such gains.
+
+    Gains of m planes that were independent leave m - 2 numbers beside their line over z: by these they
+    scatter by s, and the line's own two are as large, within the quantile of t that holds 68 %.
+    """
+    curves = problem.forward.scenes.curves
+    if tried.test is None or curves is None or not any(field_of(path) == PLANES for path in tried.fit.paths):
+        return {}
+    basis, fit = curves.bases[PLANES], tried.fit
+    gain, z_m = basis.curve(basis.amplitudes(fit.values)), problem.layout.z_m
+    line = np.linalg.qr(np.stack([np.ones_like(basis.place), basis.place - basis.place.mean()], axis=1))[0]
+    rest = gain - line @ (line.T @ gain)
+    spare = len(gain) - line.shape[1]
+    size = np.sqrt(float(rest @ rest) / spare) * float(stdtrit(spare, _HOLDS))
+    nearest = np.argmin(np.abs(z_m[:, None] - basis.place), axis=1)
+    moved = tried.test.whiten(problem.keep[:, None] * fit.prediction[:, None] * line[nearest])
+    free = ~fit.at_bound() & (np.linalg.norm(fit.jacobian, axis=0) > 0)
+    change = size * np.linalg.norm(np.linalg.lstsq(fit.jacobian[:, free], moved, rcond=_SINGULAR)[0], axis=1)
+    return {
+        p.path: float(c * abs(p.slope(u)))
+        for p, u, c in zip(np.array(fit.model.parameters, object)[free], fit.u[free], change, strict=True)
+        if field_of(p.path) != PLANES
+    }
 
 
 def _longer(problem: Problem, candidate: Candidate) -> Candidate:

@@ -1,0 +1,47 @@
+"""Gains of planes may have a slope over the distance, which the absorption takes: its error knows it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+PLANES_M, GAINS, TRUE_PER_M, ERROR = np.arange(2.0, 6.5), 0.03, 0.12, 0.005
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 8.8}, "water": {"absorption_per_m": 0.1},
+        "detector": {"planes_m": PLANES_M.tolist()},
+    }
+)  # fmt: skip
+
+
+def absorption(seed: int) -> tuple[float, float] | None:
+    """Found and its error, of a lamp of 8 degrees whose planes were each read by a gain of their own; None
+    where the gains happen to be a line and no more."""
+    rng = np.random.default_rng(seed)
+    plane, x = (a.ravel() for a in np.meshgrid(np.arange(5), np.linspace(-0.6, 0.6, 13), indexing="ij"))
+    z = PLANES_M[plane]
+    r = np.hypot(x, z)
+    beam = np.exp2(-((np.degrees(np.arctan2(np.abs(x), z)) / 8) ** 2))
+    value = beam * z / r**3 * np.exp(-TRUE_PER_M * r) * np.exp(GAINS * rng.standard_normal(5))[plane]
+    stderr = ERROR * value
+    value = value + stderr * rng.standard_normal(len(x))
+    table = Readings.from_arrays(x_m=x, y_m=0 * x, z_m=z, value=value, stderr=stderr)
+    verdict = diagnose(table, SCENE, diffuse=None, only=["plane_gain"], advise=False).verdict
+    if not verdict.best_set:
+        return None
+    found = verdict.ladder[-1].parameters["water.absorption_per_m"]
+    return found.value, found.stderr
+
+
+def test_a_slope_of_the_gains_is_in_the_error_of_the_absorption() -> None:
+    """Gains of 3 % on five planes a metre apart move it by 0.03 / sqrt(10) per m: the readings alone, which
+    follow every other gain, would tell it to 0.0005."""
+    found, error = np.array([one for one in map(absorption, range(10)) if one]).T
+    assert len(found) >= 7
+    by_slope = GAINS / np.sqrt(((PLANES_M - PLANES_M.mean()) ** 2).sum())
+    assert 0.5 * by_slope < np.median(error) < 2.5 * by_slope
+    assert np.abs(found - TRUE_PER_M).max() > by_slope
+    assert (np.abs(found - TRUE_PER_M) < 3 * error).all()
