@@ -10,19 +10,21 @@ have a say, nor that of most information about distance, for which attenuation i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
 from lightfield.scene import Detector, Scene
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.spectral.detector_response import SILICON, response_at
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.storage.tables import read_columns
@@ -35,12 +37,14 @@ CRITERIA = {
     "signal": "most signal",
     "information": "most information about range",
 }
-#: Wavelengths at which spectra are summed, nm.
-STEP_NM = 5.0
+#: Steps at which light is worked out, and what the lamp gives and the detector sees of it, nm.
+STEP_NM, _FINE_NM = 5.0, 0.25
 #: Attenuation is the slope over this part of a distance to either side.
 _SLOPE = 0.1
 #: Clearest water's attenuation times this is "flat".
 FLAT = 1.25
+#: Keeps a quotient by no light finite.
+_TINY = 1e-300
 #: What a detector counts of its brightest band in one reading, and spreads of gains.
 ELECTRONS, MISMATCH = (1.0, 1e18), (0.0, 10.0)
 #: Attenuation of the water taken wrong by this part, for what that does to a distance.
@@ -193,15 +197,27 @@ def best_band(
             "impossible bands", found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
             rule=f"at least {STEP_NM:g} nm wide, and no wider than the range they lie in",
         )  # fmt: skip
-    at = np.arange(low_nm, high_nm + 0.5 * STEP_NM, STEP_NM)
+    first, last = min(low_nm, PAPER_BAND[0]), max(high_nm, PAPER_BAND[1])
+    # At whole steps, where tables of water have their rows.
+    at = np.unique([first, *np.arange(math.ceil(first / STEP_NM) * STEP_NM, last, STEP_NM), last])
     x, y = (np.full(len(z), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
     brightest = np.max([direct_field(scene, x, y, z, np.full(len(z), w)) for w in at], axis=0)
     refuse_dark_light(z, brightest, where="distances", remedy="ask for nearer distances")
     light, K, K_stderr = _transmitted(scene, traced, z, at, tracing)
     refuse_dark_light(z, light.max(axis=1), where="distances", remedy="ask for nearer distances")
-    source = axial_intensity(scene.lamp, at) * _responsivity(response, scene.detector, at)
+
+    def seen(wavelength_nm: Array) -> Array:
+        given = axial_intensity(scene.lamp, wavelength_nm)
+        return np.asarray(given * _responsivity(response, scene.detector, wavelength_nm))
+
+    lows = np.arange(low_nm, high_nm - width_nm, STEP_NM)
+    lows = np.concatenate([lows, [high_nm - width_nm, PAPER_BAND[0]]])
+    highs = np.append(lows[:-1] + width_nm, PAPER_BAND[1])
+    fine = np.concatenate([np.arange(first, last, _FINE_NM), knots_nm(scene.lamp), at, lows, highs])
+    fine = np.unique(fine[(fine >= first) & (fine <= last)])
+    source = seen(at)
     per_nm = source * light  # [distances, wavelengths]
-    if not (source > 0).any():
+    if not (seen(fine) > 0).any():
         raise SceneError(
             "the lamp gives no light that the detector sees", found=f"{low_nm:g} to {high_nm:g} nm"
         )
@@ -209,12 +225,15 @@ def best_band(
         {
             "attenuation": (("z_m", "wavelength_nm"), K, {"units": "m-1"}),
             "attenuation_stderr": (("z_m", "wavelength_nm"), K_stderr, {"units": "m-1"}),
-            "signal": (("z_m", "wavelength_nm"), per_nm / per_nm.max(axis=1, keepdims=True)),
+            "signal": (
+                ("z_m", "wavelength_nm"),
+                per_nm / np.maximum(per_nm.max(axis=1, keepdims=True), _TINY),
+            ),
         },
         coords={"z_m": z, "wavelength_nm": at},
     )
-    lows = np.arange(low_nm, high_nm - width_nm + 0.5 * STEP_NM, STEP_NM)
-    bands = _bands(spectrum, per_nm, np.append(lows, PAPER_BAND[0]), width_nm, noise or CountNoise())
+    shares = [_shares(at, fine, what, lows, highs) for what in (seen(fine), np.ones_like(fine))]
+    bands = _bands(spectrum, light, (lows, highs), (shares[0], shares[1]), noise or CountNoise())
     return Bands(spectrum, bands.isel(low_nm=slice(-1)), tuple(_best(bands, width_nm)), width_nm, scene)
 
 
@@ -259,21 +278,46 @@ def _responsivity(path: str | None, detector: Detector, at: Array) -> Array:
     return np.interp(at, known, response, left=0.0, right=0.0)
 
 
+def _shares(at: Array, fine: Array, seen: Array, lows: Array, highs: Array) -> Array:
+    """What each wavelength stands for in every band, shape (n_bands, n_wavelengths).
+
+    The integral over a band of what is seen, times what is one at a wavelength, none at the others and linear
+    between.
+
+    Parameters
+    ----------
+    at : array, shape (n_wavelengths,), nm
+        Rising.
+    fine, seen : array, shape (n,), nm
+        Edges of bands and much between, with what is seen there.
+    """
+    hats = np.stack([np.interp(fine, at, each) for each in np.eye(len(at))], axis=1)
+    summed = cumulative_trapezoid(seen[:, None] * hats, fine, axis=0, initial=0.0)
+    low, high = (np.searchsorted(fine, edge) for edge in (lows, highs))
+    return np.asarray(summed[high] - summed[low])
+
+
 def _bands(
     spectrum: xr.Dataset,
-    per_nm: Array,
-    lows: Array,
-    width: float,
+    light: Array,
+    edges: tuple[Array, Array],
+    shares: tuple[Array, Array],
     noise: CountNoise,
 ) -> xr.Dataset:
-    """What every band gives at every distance; the last is the paper's."""
-    at, z = spectrum.wavelength_nm.values, spectrum.z_m.values
-    highs = lows + width
-    highs[-1] = PAPER_BAND[1]
-    inside = (at >= lows[:, None]) & (at < highs[:, None])  # [bands, wavelengths]
-    signal = per_nm @ inside.T * STEP_NM  # [distances, bands]
-    weight = per_nm[:, None, :] * inside
-    weight = np.where(weight.any(axis=2, keepdims=True), weight, inside)  # no light: all alike
+    """What every band gives at every distance; the last is the paper's.
+
+    Parameters
+    ----------
+    light : array, shape (n_distances, n_wavelengths)
+    edges : pair of arrays, shape (n_bands,), nm
+        Lower and upper.
+    shares : pair of arrays, shape (n_bands, n_wavelengths)
+        See `_shares`: of what is seen, and of the wavelengths alike.
+    """
+    z, (seen, alike), (lows, highs) = spectrum.z_m.values, shares, edges
+    signal = light @ seen.T  # [distances, bands]
+    weight = light[:, None, :] * seen
+    weight = np.where(weight.any(axis=2, keepdims=True), weight, alike)  # no light: all alike
     total = weight.sum(axis=2)
     K, error = (
         (weight * spectrum[name].values[:, None, :]).sum(axis=2) / total
