@@ -37,8 +37,9 @@ CRITERIA = {
     "signal": "most signal",
     "information": "most information about range",
 }
-#: Steps at which light is worked out, and what the lamp gives and the detector sees of it, nm.
-STEP_NM, _FINE_NM = 5.0, 0.25
+#: Steps of bands, of the light that arrives (as tables of water have), and of what the lamp gives and the
+#: detector sees, nm.
+STEP_NM, _LIGHT_NM, _FINE_NM = 5.0, 2.5, 0.25
 #: Attenuation is the slope over this part of a distance to either side.
 _SLOPE = 0.1
 #: Clearest water's attenuation times this is "flat".
@@ -199,7 +200,8 @@ def best_band(
         )  # fmt: skip
     first, last = min(low_nm, PAPER_BAND[0]), max(high_nm, PAPER_BAND[1])
     # At whole steps, where tables of water have their rows.
-    at = np.unique([first, *np.arange(math.ceil(first / STEP_NM) * STEP_NM, last, STEP_NM), last])
+    begin = math.ceil(first / _LIGHT_NM) * _LIGHT_NM
+    at = np.unique([first, *np.arange(begin, last, _LIGHT_NM), last])
     x, y = (np.full(len(z), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
     brightest = np.max([direct_field(scene, x, y, z, np.full(len(z), w)) for w in at], axis=0)
     refuse_dark_light(z, brightest, where="distances", remedy="ask for nearer distances")
