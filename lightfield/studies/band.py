@@ -17,17 +17,15 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.integrate import cumulative_trapezoid
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
-from lightfield.scene import Detector, Scene
+from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
-from lightfield.scene.spectral.detector_response import SILICON, response_at
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
-from lightfield.storage.tables import read_columns
+from lightfield.studies.band_integrals import responsivity, shares_of
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
 
 #: The paper's band, nm.
@@ -210,7 +208,7 @@ def best_band(
 
     def seen(wavelength_nm: Array) -> Array:
         given = axial_intensity(scene.lamp, wavelength_nm)
-        return np.asarray(given * _responsivity(response, scene.detector, wavelength_nm))
+        return np.asarray(given * responsivity(response, scene.detector, wavelength_nm))
 
     lows = np.arange(low_nm, high_nm - width_nm, STEP_NM)
     lows = np.concatenate([lows, [high_nm - width_nm, PAPER_BAND[0]]])
@@ -234,7 +232,7 @@ def best_band(
         },
         coords={"z_m": z, "wavelength_nm": at},
     )
-    shares = [_shares(at, fine, what, lows, highs) for what in (seen(fine), np.ones_like(fine))]
+    shares = [shares_of(at, fine, what, lows, highs) for what in (seen(fine), np.ones_like(fine))]
     bands = _bands(spectrum, light, (lows, highs), (shares[0], shares[1]), noise or CountNoise())
     return Bands(spectrum, bands.isel(low_nm=slice(-1)), tuple(_best(bands, width_nm)), width_nm, scene)
 
@@ -267,38 +265,6 @@ def _transmitted(
     return np.split(light, 3)[1], (near - far) / width, np.hypot(first, last) / width
 
 
-def _responsivity(path: str | None, detector: Detector, at: Array) -> Array:
-    """Response at wavelengths, in any unit: of a table, the scene's, or that of silicon."""
-    if path is None:
-        return np.interp(at, *SILICON) if detector.response is None else response_at(detector, at)
-    try:
-        known, response = read_columns(path, ("wavelength_nm", "response"))
-    except OSError as error:
-        raise SceneError(
-            error.strerror or "cannot be read", where=path, rule="a CSV file", remedy="correct the path"
-        ) from error
-    return np.interp(at, known, response, left=0.0, right=0.0)
-
-
-def _shares(at: Array, fine: Array, seen: Array, lows: Array, highs: Array) -> Array:
-    """What each wavelength stands for in every band, shape (n_bands, n_wavelengths).
-
-    The integral over a band of what is seen, times what is one at a wavelength, none at the others and linear
-    between.
-
-    Parameters
-    ----------
-    at : array, shape (n_wavelengths,), nm
-        Rising.
-    fine, seen : array, shape (n,), nm
-        Edges of bands and much between, with what is seen there.
-    """
-    hats = np.stack([np.interp(fine, at, each) for each in np.eye(len(at))], axis=1)
-    summed = cumulative_trapezoid(seen[:, None] * hats, fine, axis=0, initial=0.0)
-    low, high = (np.searchsorted(fine, edge) for edge in (lows, highs))
-    return np.asarray(summed[high] - summed[low])
-
-
 def _bands(
     spectrum: xr.Dataset,
     light: Array,
@@ -314,7 +280,7 @@ def _bands(
     edges : pair of arrays, shape (n_bands,), nm
         Lower and upper.
     shares : pair of arrays, shape (n_bands, n_wavelengths)
-        See `_shares`: of what is seen, and of the wavelengths alike.
+        See `shares_of`: of what is seen, and of the wavelengths alike.
     """
     z, (seen, alike), (lows, highs) = spectrum.z_m.values, shares, edges
     signal = light @ seen.T  # [distances, bands]

@@ -13,8 +13,9 @@ from lightfield.formula.closed_form import direct_field
 from lightfield.report.band import band_page
 from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.spectral.detector_response import SILICON
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.studies.band import SILICON, CountNoise, as_data, as_text, best_band
+from lightfield.studies.band import CountNoise, as_data, as_text, best_band
 
 FEW = {"max_photons": 4e5, "rel_error": 1e-3}
 
