@@ -342,7 +342,8 @@ class Scene(Part):
         try:
             return type(self).model_validate(data)
         except ValidationError as error:
-            raise scene_error(error, type(self), _assigned(values)) from None
+            whole = any(not problem["loc"] for problem in error.errors())  # else a problem names its value
+            raise scene_error(error, type(self), _assigned(values) if whole else "values") from None
 
     def __repr__(self) -> str:
         return f"<Scene: {self.name or 'without a name'}; {'in a tank' if self.tank else 'open water'}>"
