@@ -35,16 +35,18 @@ def band_figure(found: Bands, narrow: bool = False) -> Figure:
                 color=SERIES[k % len(SERIES)],
                 label=f"signal at {far:g} m",
             )
-        K = found.spectrum.attenuation.values[-1]
-        left.plot(at, K.min() / K, color=MUTED, linestyle=(0, (2, 2)), label="least K over K")
+        if not found.is_grey:
+            K = found.spectrum.attenuation.values[-1]
+            left.plot(at, K.min() / K, color=MUTED, linestyle=(0, (2, 2)), label="least K over K")
         left.set_ylim(0, 1.05)
         percent_axis(left.yaxis)
         label(left, "wavelength (nm)", "of the largest", "What the detector sees of the lamp")
         row = found.bands.isel(z_m=-1)
         middle = 0.5 * (row.low_nm.values + row.high_nm.values)
         right.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
+        K = row.attenuation.values
         for values, shade, words in (
-            (row.attenuation.values.min() / row.attenuation.values, FORMULA, "least attenuation"),
+            *([] if found.is_grey else [(K.min() / K, FORMULA, "least attenuation")]),
             (row.signal.values, RENDER, "signal"),
             (row.information.values / row.information.values.max(), GOOD, "information about range"),
         ):
@@ -70,9 +72,10 @@ def band_page(found: Bands) -> str:
     low, high = found.flat_nm()
     paper = int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin())
     wrong = found.bands.range_error_m.values[-1, paper]
+    flat = f"Attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm."
     text = (
         water_sentence(found),
-        f"Attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm.",
+        *([] if found.is_grey else [flat]),
         f"With an attenuation {100 * WRONG:.0f} % wrong, a distance of {found.bands.z_m.values[-1]:g} m "
         f"read from the size of a signal near 500 nm is {wrong:.2f} m off.",
     )

@@ -42,8 +42,6 @@ STEP_NM, _LIGHT_NM, _FINE_NM = 5.0, 2.5, 0.25
 _SLOPE = 0.1
 #: Clearest water's attenuation times this is "flat".
 FLAT = 1.25
-#: Keeps a quotient by no light finite.
-_TINY = 1e-300
 #: What a detector counts of its brightest band in one reading, and spreads of gains.
 ELECTRONS, MISMATCH = (1.0, 1e18), (0.0, 10.0)
 #: Attenuation of the water taken wrong by this part, for what that does to a distance.
@@ -184,7 +182,7 @@ def best_band(
     UsageError
         Numbers that make no sense.
     SceneError
-        A water, lamp or detector that is not known at these wavelengths.
+        A water, lamp or detector that is not known at these wavelengths, or in the paper's band.
     """
     z = np.unique(np.asarray(distances_m or (scene.detector.planes_m[0], scene.detector.planes_m[-1]), float))
     if not ((z > 0) & (z <= FARTHEST_M)).all():
@@ -215,25 +213,23 @@ def best_band(
     highs = np.append(lows[:-1] + width_nm, PAPER_BAND[1])
     fine = np.concatenate([np.arange(first, last, _FINE_NM), knots_nm(scene.lamp), at, lows, highs])
     fine = np.unique(fine[(fine >= first) & (fine <= last)])
-    source = seen(at)
-    per_nm = source * light  # [distances, wavelengths]
-    if not (seen(fine) > 0).any():
+    what = seen(fine), np.ones_like(fine)
+    if not (what[0][(fine >= low_nm) & (fine <= high_nm)] > 0).any():
         raise SceneError(
             "the lamp gives no light that the detector sees", found=f"{low_nm:g} to {high_nm:g} nm"
         )
+    whole, step = (shares_of(at, fine, each, at[:1], at[-1:]) for each in what)
+    per_nm = light * whole / step  # [distances, wavelengths], means over a step: lines are narrower
     spectrum = xr.Dataset(
         {
             "attenuation": (("z_m", "wavelength_nm"), K, {"units": "m-1"}),
             "attenuation_stderr": (("z_m", "wavelength_nm"), K_stderr, {"units": "m-1"}),
-            "signal": (
-                ("z_m", "wavelength_nm"),
-                per_nm / np.maximum(per_nm.max(axis=1, keepdims=True), _TINY),
-            ),
+            "signal": (("z_m", "wavelength_nm"), per_nm / per_nm.max(axis=1, keepdims=True)),
         },
         coords={"z_m": z, "wavelength_nm": at},
     )
-    shares = [shares_of(at, fine, what, lows, highs) for what in (seen(fine), np.ones_like(fine))]
-    bands = _bands(spectrum, light, (lows, highs), (shares[0], shares[1]), noise or CountNoise())
+    shares = shares_of(at, fine, what[0], lows, highs), shares_of(at, fine, what[1], lows, highs)
+    bands = _bands(spectrum, light, (lows, highs), shares, noise or CountNoise())
     return Bands(spectrum, bands.isel(low_nm=slice(-1)), tuple(_best(bands, width_nm)), width_nm, scene)
 
 
@@ -291,14 +287,15 @@ def _bands(
         (weight * spectrum[name].values[:, None, :]).sum(axis=2) / total
         for name in ("attenuation", "attenuation_stderr")
     )
-    snr = noise.signal_to_noise(noise.electrons * signal / signal[0].max())
+    most = signal[:, :-1].max(axis=1, keepdims=True)
+    snr = noise.signal_to_noise(noise.electrons * signal / most[0])
     slope = 2 / z[:, None] + K
     dims = ("z_m", "low_nm")
     return xr.Dataset(
         {
             "attenuation": (dims, K, {"units": "m-1"}),
             "attenuation_stderr": (dims, error, {"units": "m-1"}),
-            "signal": (dims, signal / signal.max(axis=1, keepdims=True)),
+            "signal": (dims, signal / most),
             "snr": (dims, snr),
             "information": (dims, (snr * slope) ** 2, {"units": "m-2"}),
             "range_error_m": (dims, WRONG * K * z[:, None] / slope, {"units": "m"}),
@@ -334,7 +331,10 @@ def as_text(found: Bands) -> str:
     for row in rows(found):
         lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} 500 to 550 nm has {row[3]}")
     lines.append(water_sentence(found))
-    lines.append(f"attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm")
+    if not found.is_grey:
+        lines.append(
+            f"attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm"
+        )
     return "\n".join(lines)
 
 

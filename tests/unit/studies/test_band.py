@@ -38,7 +38,8 @@ def tank():
 @pytest.mark.parametrize("width, low_nm", [(50.0, 400.0), (11.0, 402.0), (7.0, 520.0), (50.0, 560.0)])
 def test_signal_is_lamp_times_detector_times_what_the_water_leaves(width: float, low_nm: float) -> None:
     """The share of the paper's band, which may lie outside the range, by the closed form of the direct light
-    in steps of 0.05 nm. Between those of 2.5 nm light is linear."""
+    in steps of 0.05 nm. Between those of 2.5 nm light is linear:
+    a band of 7 nm is 0.5 % off where the water's absorption turns."""
     ours = scene(chlorophyll_mg_per_m3=0.5)
     found = best_band(ours, False, distances_m=[6.0], width_nm=width, low_nm=low_nm)
     at = np.arange(400.0, 700.01, 0.05)
@@ -53,15 +54,13 @@ def test_signal_is_lamp_times_detector_times_what_the_water_leaves(width: float,
     lows = found.bands.low_nm.values
     assert lows[0] == low_nm and lows[-1] + width == 700.0
     signal, paper = between(lows, lows + width), between(500.0, 550.0)
-    np.testing.assert_allclose(
-        found.bands.isel(z_m=0).signal, signal / max(*signal, paper), rtol=0.005 if width == 50 else 0.015
-    )
+    np.testing.assert_allclose(found.bands.isel(z_m=0).signal, signal / signal.max(), rtol=0.01)
     share = best(found, 6.0, "signal").paper_share
-    assert share == pytest.approx(paper / signal.max(), rel=5e-3)
+    assert share == pytest.approx(paper / signal.max(), rel=0.01)
 
 
 def test_lines_between_the_steps_count() -> None:
-    """Two lines of one power, a watt each over all of 500 to 550 and of 575 to 625 nm, in grey water."""
+    """Two lines alike, half a nm wide, in grey water: a band with one has what the detector sees of it."""
     lines = [{"peak_nm": 502.3, "fwhm_nm": 0.5}, {"peak_nm": 582.8, "fwhm_nm": 0.5}]
     grey = Scene.from_dict({"lamp": {"hwhm_deg": 8.0, "spectrum": lines}, "water": {"absorption_per_m": 0.1}})
     found = best_band(grey, False, distances_m=[6.0], width_nm=20.0)
