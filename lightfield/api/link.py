@@ -17,6 +17,7 @@ from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.studies.link import study as linking
 from lightfield.studies.link import text as link_text
+from lightfield.studies.link.receiver import Receiver
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,10 +93,11 @@ def link(
     Parameters
     ----------
     scene : Scene or path-like
-        A tank is left out.
+        A tank is left out. Of the lamp's power that part counts which is read in the detector's first band.
     area : float, mm2
         Of the photodiode.
     responsivity : float, A/W
+        Mean over the band.
     amplifier_noise : float, A per root Hz
     background : float, A
         Photocurrent of ambient light, and dark current.
@@ -118,7 +120,7 @@ def link(
         if isinstance(pair, str) or np.shape(pair) != (2,):
             rule = "absorption and scattering in 1/m: {name: (0.1, 0.2)}"
             raise UsageError("not a water", where=f"water {name}", found=pair, rule=rule)
-    receiver = linking.Receiver(area, responsivity, amplifier_noise, background, bit_rate, ber)
+    receiver = Receiver(area, responsivity, amplifier_noise, background, bit_rate, ber)
     found = linking.link(
         scene_of(scene), receiver, waters=water, to_m=to,
         rel_error=rel_error, max_photons=max_photons, seed=seed,

@@ -16,7 +16,7 @@ DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
 #: Options of the receiver: name, field, help.
 RECEIVER = (
     ("--area", "area_mm2", "MM2", "of the photodiode, mm² (default {:g})"),
-    ("--responsivity", "responsivity_a_per_w", "A/W", "of the photodiode (default {:g})"),
+    ("--responsivity", "responsivity_a_per_w", "A/W", "of the photodiode, mean over the band (default {:g})"),
     ("--amplifier-noise", "noise_a_per_sqrt_hz", "A", "A per root Hz at the input (default {:g})"),
     ("--background", "background_a", "A", "photocurrent of ambient light and dark current (default {:g})"),
     ("--bit-rate", "bit_rate_per_s", "N", "bits per second (default {:g})"),
@@ -26,7 +26,12 @@ RECEIVER = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML); a tank is left out")
+    parser.add_argument(
+        "scene",
+        type=Path,
+        metavar="SCENE",
+        help="scene file (TOML); a tank is left out, the lamp counts in its first band",
+    )
     defaults = {
         "area_mm2": 13.0, "responsivity_a_per_w": 0.25, "noise_a_per_sqrt_hz": 5e-12, "background_a": 0.0,
         "bit_rate_per_s": 1e6, "ber": 1e-6,
@@ -54,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene)
     waters = _waters(args.water) or None
     outputs_of(args, args.scene)
-    from lightfield.studies.link.study import Receiver, link
+    from lightfield.studies.link.receiver import Receiver
+    from lightfield.studies.link.study import link
     from lightfield.studies.link.text import as_data, as_text
 
     receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})

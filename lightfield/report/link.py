@@ -18,6 +18,7 @@ from lightfield.studies.link.text import (
     REPORTED_HEAD,
     bandwidth_sentence,
     headline,
+    in_band_words,
     reported_rows,
     rows,
 )
@@ -125,9 +126,14 @@ def link_page(found: Link) -> str:
         "What others report, with lamps and receivers of their own: not computed here.", REPORTED_HEAD,
         reported_rows(), (1, 2),
     )  # fmt: skip
+    lamp = f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}."
     sections = [
         Section("How far", (reach,), (ASKED,), (table, others)),
-        Section("What arrives", (light,), (bandwidth_sentence(found),)),
+        Section(
+            "What arrives",
+            (light,),
+            (lamp, bandwidth_sentence(found)),
+        ),
     ]
     title = f"{found.scene.name or 'Lamp'}: optical link"
     return study_page(title, headline(found), (), sections, found.scene.to_toml())

@@ -21,14 +21,11 @@ from lightfield.errors import UsageError
 from lightfield.formula.vector import direct_flux
 from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.bands import middles_nm, over_band
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: Places of a grid at most: more would be a file of gigabytes.
 MOST_PLACES = 4_000_000
-#: Wavelengths over which the lamp's spectrum is summed in a band (chosen: it is smooth there).
-_SPECTRUM = 41
 #: Components of the flux vector.
 _AXES = ("x", "y", "z")
 
@@ -154,7 +151,7 @@ def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | floa
     """What the numbers mean, and what a simulator needs for the direct light in closed form."""
     at = middles_nm(scene)[0].mean(keepdims=True)
     low, high = scene.detector.bands_nm[0]
-    intensity = axial_intensity(scene.lamp, np.linspace(low, high, _SPECTRUM)).mean() * (high - low)
+    intensity = over_band(scene.lamp, low, high).intensity.mean() * (high - low)
     return {
         "Conventions": "CF-1.10",
         "title": f"Light field of {scene.name or 'a lamp'}",

@@ -71,8 +71,25 @@ def over_bands(scene: Scene) -> BandLight:
     return BandLight(*(np.array(v) for v in zip(*each, strict=True)))
 
 
-def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | None = None) -> BandLight:
-    """The lamp's light in equal parts of a band, each where its power has its centre; shape (PIECES,).
+def over_first_band(scene: Scene, pieces: int) -> BandLight:
+    """The lamp's light in so many parts of the first band as it is read, shape (pieces,), see `over_band`."""
+    low, high = (at + scene.detector.wavelength_shift_nm for at in scene.detector.bands_nm[0])
+    return over_band(scene.lamp, low, high, scene.detector, pieces)
+
+
+def first_band_w_per_sr(scene: Scene) -> float:
+    """Radiant intensity on the beam's axis in the first band as it is read, W/sr (W of a pencil beam).
+
+    By the detector's response over its mean in the band, which is what a responsivity stands for.
+    """
+    low, high = scene.detector.bands_nm[0]
+    return float(over_first_band(scene, PIECES).intensity.mean() * (high - low))
+
+
+def over_band(
+    lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | None = None, pieces: int = PIECES
+) -> BandLight:
+    """The lamp's light in equal parts of a band, each where its power has its centre; shape (pieces,).
 
     However narrow its lines are: a table is integrated piece by piece between its own wavelengths, exactly
     for its straight pieces (Gauss-Legendre, 3 points). What changes with the square of the wavelength within
@@ -84,7 +101,7 @@ def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | No
         Its response weighs the wavelengths: the mean over the band is that of light times response over the
         mean response. Without one all count alike.
     """
-    edges = np.linspace(low_nm, high_nm, PIECES + 1)
+    edges = np.linspace(low_nm, high_nm, pieces + 1)
     inner = knots_nm(lamp)
     weighed = detector is not None and detector.response is not None
     if detector is not None and weighed:
@@ -97,8 +114,8 @@ def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | No
         response = response_at(detector, at)
         mean = (response * _WEIGHTS * half[:, None]).sum() / (high_nm - low_nm)
         power = power * response / mean
-    part = np.clip(np.searchsorted(edges, middle) - 1, 0, PIECES - 1)
-    total, moment = (np.bincount(part, v.sum(axis=1), PIECES) for v in (power, power * at))
+    part = np.clip(np.searchsorted(edges, middle) - 1, 0, pieces - 1)
+    total, moment = (np.bincount(part, v.sum(axis=1), pieces) for v in (power, power * at))
     centre = np.divide(moment, total, out=0.5 * (edges[1:] + edges[:-1]), where=total > 0)
     return BandLight(centre, total / np.diff(edges))
 

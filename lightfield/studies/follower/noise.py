@@ -8,14 +8,12 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene import Scene
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.bands import first_band_w_per_sr
 
 #: C (SI 2019, exact).
 ELECTRON_C = 1.602176634e-19
 #: Part of a percent, of a second of bandwidth (Nyquist), of a converter's step (its variance, Bennett 1948).
 PERCENT, BANDWIDTH, STEP_VARIANCE = 0.01, 0.5, 1 / 12
-#: Wavelengths at which a lamp's spectrum is summed over a band (chosen: it is smooth there).
-POINTS = 41
 
 
 @dataclass(frozen=True)
@@ -50,9 +48,7 @@ class SensorNoise:
         if scene.array is None:
             return cls()
         array = scene.array
-        low, high = scene.detector.bands_nm[0]
-        at = np.linspace(low, high, POINTS)
-        intensity = float(np.mean(axial_intensity(scene.lamp, at)) * (high - low))
+        intensity = first_band_w_per_sr(scene)
         square_metres = 1e-6 * array.element_area_mm2
         return cls(
             PERCENT * array.gain_mismatch_percent,

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import jsonable
+from lightfield.studies.link.receiver import SEEN_HZ, SEEN_SNR
 from lightfield.studies.link.reported import REPORTED
-from lightfield.studies.link.study import SEEN_HZ, SEEN_SNR, Link
+from lightfield.studies.link.study import Link
 from lightfield.studies.working_range.text import POSE_WORDS
 
 
@@ -84,6 +85,12 @@ def bandwidth_sentence(found: Link) -> str:
     )
 
 
+def in_band_words(found: Link) -> str:
+    """How much of the lamp's power counts."""
+    low, high = found.scene.detector.bands_nm[0]
+    return f"of which {found.in_band_w:.3g} W count, from {low:g} to {high:g} nm"
+
+
 def as_text(found: Link) -> str:
     """The answer for people."""
     receiver = found.receiver
@@ -93,7 +100,7 @@ def as_text(found: Link) -> str:
     reported = "; ".join(f"{r.as_text()} ({r.water}; {r.source})" for r in REPORTED)
     return "\n".join([
         *lines, bandwidth_sentence(found), ASKED,
-        f"{found.scene.lamp.power_w:g} W lamp, {receiver.area_mm2:g} mm² diode of "
+        f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {receiver.area_mm2:g} mm² diode of "
         f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
         f"background {receiver.background_a:g} A, on-off keying at {receiver.bit_rate_per_s:g} bit/s, error "
         f"rate {receiver.ber:g}.",
@@ -132,5 +139,8 @@ def as_data(found: Link) -> dict[str, Any]:
         },
         "reported_by_others": [r._asdict() for r in REPORTED],
         "receiver": vars(found.receiver),
+        "lamp_power_w": found.scene.lamp.power_w,
+        "lamp_in_band_w": found.in_band_w,
+        "band_nm": list(found.scene.detector.bands_nm[0]),
         **{str(k): jsonable(v.values.tolist()) for k, v in {**data.coords, **data.data_vars}.items()},
     }

@@ -13,17 +13,22 @@ from scipy.special import erfc
 from lightfield.errors import SceneError, UsageError
 from lightfield.report.link import link_page
 from lightfield.scene import Scene
-from lightfield.studies.link.study import ELECTRON_C, Link, Receiver, link
+from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.studies.link.receiver import ELECTRON_C, Receiver
+from lightfield.studies.link.study import Link, link
 from lightfield.studies.link.text import as_data, as_text
 from lightfield.studies.working_range.study import working_range
 
 HALF = np.radians(3.81)
+#: All of its power lies in the band.
+LINE = {"peak_nm": 525.0, "fwhm_nm": 1.0}
 
 
 def scene(a: float = 0.05, b: float = 0.15, **lamp) -> Scene:
     phase = {"type": "henyey-greenstein", "g": 0.92}
     water = {"absorption_per_m": a, "scattering_per_m": b, "phase": phase}
-    return Scene.from_dict({"lamp": {"hwhm_deg": 3.81, "power_w": 10.0, **lamp}, "water": water})
+    line = {"hwhm_deg": 3.81, "power_w": 10.0, "spectrum": LINE, **lamp}
+    return Scene.from_dict({"lamp": line, "water": water})
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -100,6 +105,65 @@ def test_scattered_light_carries_data(murky) -> None:
     relative = float(at.power_stderr_w / at.power_w)
     assert 0 < relative < 0.05
     assert float(at.scattered_over_direct) == pytest.approx(4.3, abs=0.05 + 3 * 4.3 * 1.25 * relative)
+
+
+def halogen_w(response=None, absorption=0.1, z_m=0.0) -> float:
+    """Watts of a halogen lamp of 1 W, 2900 K, from 500 to 550 nm, after so much water; by Planck's law."""
+    w = np.linspace(500.0, 550.0, 5001) * 1e-9
+    h, c, k, sigma = 6.62607015e-34, 299792458.0, 1.380649e-23, 5.670374419e-8
+    radiance = 2 * h * c**2 / w**5 / np.expm1(h * c / (w * k * 2900.0))
+    seen = np.ones_like(w) if response is None else response(w * 1e9)
+    a = absorption(w * 1e9) if callable(absorption) else absorption
+    per_m = np.pi * radiance / (sigma * 2900.0**4) * seen / seen.mean() * np.exp(-a * z_m)
+    return float(np.trapezoid(per_m, w))
+
+
+def test_of_the_lamp_that_counts_which_is_read_in_the_band() -> None:
+    """0.9 % of a halogen lamp: all of its power would be 109 times as much."""
+    lamp = scene(0.2, 0.0, power_w=50.0, spectrum="planck", temperature_k=2900.0)
+    found, z = link(lamp, waters={}, to_m=20.0), 10.0
+    share = halogen_w()
+    assert 1 / share == pytest.approx(109, abs=1)
+    assert found.in_band_w == pytest.approx(50.0 * share, rel=1e-5)
+    intensity = 50.0 * share / solid_angle_sr(lamp.lamp)
+    power = float(found.dataset.power_w.isel(water=0).interp(z_m=z))
+    assert power == pytest.approx(intensity * 13e-6 * np.exp(-0.2 * z) / z**2, rel=1e-3)
+    assert "50 W lamp, of which 0.461 W count, from 500 to 550 nm" in as_text(found)
+    assert as_data(found)["lamp_in_band_w"] == found.in_band_w
+
+
+def test_water_and_detector_count_at_every_wavelength_of_the_band() -> None:
+    """The integral of spectrum, response over its mean, and transmission, on a fine grid."""
+    lamp = scene(0.0, 0.0, power_w=50.0, spectrum="planck", temperature_k=2900.0)
+    water = {"absorption_per_m": 0.05, "absorption_at": [[500.0, 0.0], [550.0, 0.3]]}
+    detector = {"response": {"peak_nm": 540.0, "fwhm_nm": 30.0}}
+    told = lamp.model_dump(include={"lamp"}, exclude_unset=True)
+    coloured = Scene.from_dict({**told, "water": water, "detector": detector})
+    data = link(coloured, waters={}, to_m=20.0).dataset.isel(water=0)
+
+    def response(w: np.ndarray) -> np.ndarray:
+        return np.exp(-4 * np.log(2) * ((w - 540.0) / 30.0) ** 2)
+
+    for z in (4.0, 8.0, 16.0):
+        known = halogen_w(response, lambda w: 0.05 + 0.006 * (w - 500.0), z)
+        known *= 50.0 / solid_angle_sr(lamp.lamp) * 13e-6 / z**2
+        assert float(data.power_w.interp(z_m=z)) == pytest.approx(known, rel=0.01)
+
+
+def test_scattered_light_knows_the_colour_of_the_lamp() -> None:
+    """A line at 510 nm in water whose absorption there is 0.05 per m, in the middle of the band 0.2."""
+    grey = link(scene(0.05, 0.15), waters={}, to_m=20.0, max_photons=2e5, rel_error=1e-3)
+    told = scene(0.0, 0.15, spectrum={"peak_nm": 510.0, "fwhm_nm": 1.0}).model_dump(exclude_unset=True)
+    told["water"]["absorption_at"] = [[510.0, 0.05], [525.0, 0.2]]
+    line = link(Scene.from_dict(told), waters={}, to_m=20.0, max_photons=2e5, rel_error=1e-3)
+    for name in ("power_w", "scattered_over_direct"):
+        one, other = (found.dataset[name].isel(water=0).interp(z_m=10.0) for found in (grey, line))
+        assert float(other) == pytest.approx(float(one), rel=0.02)
+
+
+def test_a_lamp_with_no_light_in_the_band_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"lamp.spectrum: no light.*500 to 550 nm.*remedy"):
+        link(scene(0.1, 0.0, spectrum={"peak_nm": 1500.0, "fwhm_nm": 1.0}), waters={})
 
 
 @pytest.mark.slow
