@@ -44,6 +44,11 @@ def in_degrees(pose: Array) -> Array:
     return np.concatenate([pose[..., :3], np.degrees(pose[..., 3:])], axis=-1)
 
 
+def wrapped(angle_rad: Array) -> Array:
+    """Angles, or errors of angles, as -pi to pi (excluded, included), rad: whole turns count as none."""
+    return np.asarray(np.pi - (np.pi - angle_rad) % (2 * np.pi))
+
+
 def rotations(angles: Array) -> Array:
     """Matrices that turn directions of the array's frame into the tank's, shape (..., 3, 3).
 

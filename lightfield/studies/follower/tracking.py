@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
-from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.frames import POSE, wrapped
 from lightfield.studies.follower.pose import Estimator, PoseEstimate
 
 #: Density of the white acceleration, (m/s^2)^2/Hz and (rad/s^2)^2/Hz: within a second a small vehicle's speed
@@ -86,8 +86,10 @@ class Filter:
 
     @property
     def poses(self) -> Array:
-        """Shape (count, 6), m and rad."""
-        return self._whole(self.state[:, : len(self.at)])
+        """Shape (count, 6), m and rad, angles from -pi to pi."""
+        found = self._whole(self.state[:, : len(self.at)])
+        found[:, 3:] = wrapped(found[:, 3:])
+        return found
 
     @property
     def rates(self) -> Array:
@@ -141,6 +143,8 @@ class Filter:
         used = anew.copy()
         if len(tried):
             apart = measured[tried] - self.state[tried, :n]
+            turns = [k for k, at in enumerate(self.at) if at >= 3]
+            apart[:, turns] = wrapped(apart[:, turns])
             before, scatter = self.covariance[tried], noise[tried]
             spread = before[:, :n, :n] + scatter
             innovation[tried] = (apart * np.linalg.solve(spread, apart[..., None])[..., 0]).sum(axis=1)

@@ -19,7 +19,7 @@ from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import Elements
-from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations
+from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations, wrapped
 from lightfield.studies.follower.light import Light, Space, pose_names
 from lightfield.studies.follower.noise import PERCENT, SensorNoise
 from lightfield.studies.following.control import Law, law_of
@@ -191,8 +191,8 @@ class _Moving:
         return cls(np.tile(place, (runs, 1)), np.zeros((runs, 6)))
 
     def pose(self, lamp: Array) -> Array:
-        """From a lamp, shape (runs, 6)."""
-        return np.concatenate([self.place[:, :3] @ NORTH - lamp, self.place[:, ANGLES]], axis=1)
+        """From a lamp, shape (runs, 6); a vehicle that has spun is turned as one that has not."""
+        return np.concatenate([self.place[:, :3] @ NORTH - lamp, wrapped(self.place[:, ANGLES])], axis=1)
 
     def step(self, vehicle: Vehicle, force: Array, current: Array, seconds: float, going: Mask) -> None:
         full = np.zeros((len(force), 6))

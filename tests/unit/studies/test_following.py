@@ -13,9 +13,12 @@ from lightfield.report.follower.follow_page import write_follow_sweep, write_fol
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import belief
 from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.frames import POSE, wrapped
 from lightfield.studies.follower.light import ArrayModel, FormulaLight
 from lightfield.studies.follower.noise import SensorNoise
+from lightfield.studies.follower.tracking import Filter
 from lightfield.studies.following.leader import way_of
+from lightfield.studies.following.loop import _Moving
 from lightfield.studies.following.metrics import OverRuns
 from lightfield.studies.following.study import Followed, follow, with_belief
 from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
@@ -84,6 +87,23 @@ def test_equal_seeds_give_equal_runs() -> None:
     assert np.array_equal(first.track.pose, again.track.pose)
     other = follow({"": KNOWN.with_values({"follower.mission.duration_s": 4.0})}, runs=2, seed=4, photons=0)
     assert not np.array_equal(first.track.pose, other.cases[0].track.pose)
+
+
+def test_a_vehicle_that_has_spun_is_turned_as_one_that_has_not() -> None:
+    """Whole turns count as none in the pose, for the filter, and so in the numbers of a run."""
+    begun = np.array([0.0, 0.0, 6.5, np.radians(5.0), 0.0, 0.0])
+    state = _Moving.at(begun, 2)
+    state.place[1, 5] += 4 * np.pi
+    np.testing.assert_allclose(state.pose(np.zeros(3)), [begun, begun], atol=1e-12)
+    np.testing.assert_allclose(wrapped(np.pi * np.array([1.0, -1.0, 2.5])), np.pi * np.array([1, 1, 0.5]))
+    filter_ = Filter(POSE)
+    for angle in (np.pi - 0.01, 0.01 - np.pi):
+        measured = np.array([[0.0, 0.0, 6.5, 0.0, 0.0, angle]])
+        innovation, used = filter_.correct(measured, 1e-2 * np.eye(6)[None], np.array([True]))
+    assert used[0] and innovation[0] < 0.1
+    assert abs(abs(filter_.poses[0, 5]) - np.pi) < 0.02
+    filter_.state[0, 5] = 3 * np.pi + 0.1
+    assert filter_.poses[0, 5] == pytest.approx(0.1 - np.pi)
 
 
 def test_light_lost_and_found() -> None:
