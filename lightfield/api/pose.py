@@ -32,8 +32,8 @@ class Poses(ToldByDetails[sequence.Poses]):
     @property
     def headline(self) -> str:
         found = self.details
-        fit = f"{len(found.estimates)} readings: {found.lost} without light, {found.misfits} that do not fit"
-        return f"{found.last_known}{fit}"
+        fit = f"{found.lost} without light, {found.misfits} that do not fit, {found.ambiguous} ambiguous"
+        return f"{found.last_known}{len(found.estimates)} readings: {fit}"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Distance along the beam over time."""

@@ -57,7 +57,7 @@ class LampPose:
 
 @dataclass
 class Bridge:
-    """From readings to what is published, without ROS: each sample begins where the last one was found.
+    """From readings to what is published, without ROS: each sample begins where the last one was found, too.
 
     Parameters
     ----------
@@ -150,6 +150,7 @@ def make_node(bridge: Bridge, frame: str = FRAME) -> Any:
             "chi2": f"{one.chi2:.3g}",
             "probability": f"{one.probability:.3g}",
             "rivals": str(len(one.rivals)),
+            "ambiguous": "yes" if one.ambiguous else "no",
         }
         states.publish(_state(diagnostic, stamp, answer.level, one.status, facts))
 

@@ -101,6 +101,7 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
             f"{values[n]:.3f} ± {s if n in 'xyz' else np.degrees(s):.3f}" for n, s in one.total.sigma.items()
         ]
         state = one.status
+        state += ", ambiguous" * one.ambiguous
         state += f", {len(one.rivals)} rivals" if one.rivals else ""
         rows.append([f"{poses.time_s[k]:.2f}", *cells, f"{state} ({one.chi2:.0f})"])
     there = len(poses.estimates)
@@ -110,6 +111,8 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
         if not poses.lost + poses.misfits
         else f"{poses.lost} without light, {poses.misfits} that do not fit the light that is believed in"
     )
+    if poses.ambiguous:
+        fit += f"; {poses.ambiguous} ambiguous: another pose explains them as well"
     verdict = f"{poses.last_known}{there} readings: {fit}."
     followed = " Line and band: the filter, with two standard deviations of all that is not known."
     strange = " Red: light lost, or readings that do not fit."

@@ -22,7 +22,7 @@ from lightfield.studies.follower.information import Bound, bound_pair, nuisances
 from lightfield.studies.follower.light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
-from lightfield.studies.follower.rival_poses import RivalPose, others
+from lightfield.studies.follower.rival_poses import RivalPose, nearest_alike, others
 from lightfield.studies.follower.survey import array_of
 
 #: Poses a first search starts from: one in every eighth of the formation space.
@@ -33,9 +33,10 @@ UNLIKELY = 0.01
 DOUBTFUL, IN_A_ROW = 1e-3, 3
 #: Light is lost where the brightest element is less than this many sigma of darkness (Rose 1948: 5).
 LOST_SIGMA = 5.0
-#: A start from the last pose that ends this far up, in chi2 over its degrees of freedom, begins anew
-#: (chosen).
-ASTRAY = 3.0
+#: Poses that explain readings equally well, in sigma: the nearer to the last one is taken.
+ALIKE_SIGMA = 1.0
+#: Up to here another pose is not excluded (95 %): which of the two it is, these readings do not tell.
+AMBIGUOUS_SIGMA = 2.0
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,11 @@ class PoseEstimate:
         return not self.lost and not self.edge and self.probability >= UNLIKELY
 
     @property
+    def ambiguous(self) -> bool:
+        """Another pose explains the readings as well, within `AMBIGUOUS_SIGMA`."""
+        return any(rival.sigma < AMBIGUOUS_SIGMA for rival in self.rivals)
+
+    @property
     def status(self) -> str:
         """In words."""
         if self.lost:
@@ -97,6 +103,7 @@ class PoseEstimate:
             "gain": self.gain,
             "chi2": self.chi2,
             "probability": self.probability,
+            "ambiguous": self.ambiguous,
             "rivals": [rival.as_data() for rival in self.rivals],
             "frames": {
                 name: {"position_m": one.position_m.tolist(), "quaternion_xyzw": one.quaternion.tolist()}
@@ -117,7 +124,10 @@ class PoseEstimate:
         line = ", ".join(words) + f"; chi2 {self.chi2:.0f}, probability {self.probability:.2g}"
         if not self.fits:
             line += f": {self.status}"
-        return line + (f"; {len(self.rivals)} rivals, {self.rivals[0].as_text()}" if self.rivals else "")
+        if not self.rivals:
+            return line
+        doubt = "ambiguous, " if self.ambiguous else ""
+        return f"{line}; {doubt}{len(self.rivals)} rivals, {self.rivals[0].as_text()}"
 
 
 @dataclass(frozen=True)
@@ -179,39 +189,39 @@ class Estimator:
     def estimate(
         self, readings: Array, last: Array | None = None, *, more_starts: int = 0, seed: int = 0
     ) -> PoseEstimate:
-        """Pose of one reading.
+        """Pose of one reading: the best that is found from all over the space, as if it were the only one.
 
         Parameters
         ----------
         readings : array, shape (n_elements,), 1/m^2
         last : array, shape (6,), optional
-            Pose to start from; without one, or where that leads astray, from several.
+            A pose to start from besides; of poses that explain the reading equally well the nearest to it is
+            taken.
         more_starts : int
-            Random starts beside, to look for rivals.
+            Random starts beside.
         """
         readings = np.asarray(readings, float)
         dark = np.sqrt(self.noise.variance(np.zeros_like(readings)))
         if readings.max() <= LOST_SIGMA * max(float(dark.max()), np.finfo(float).tiny):
             return PoseEstimate(np.full(len(POSE), np.nan), np.nan, np.nan, 0.0, None, None, lost=True)
         free = max(len(readings) - len(self.names), 1)
-        found = self.fit(readings, last[None]) if last is not None else None
-        if found is None or found.chi2[0] > ASTRAY * free or more_starts:
-            begin = [self.starts()]
-            if more_starts:
-                begin.append(starts_in(box_of(self.space), self.names, more_starts, seed))
-            if last is not None:
-                begin.append(last[None])
-            found = self.fit(readings, np.concatenate(begin))
-        pose, chi2 = found.poses[0], float(found.chi2[0])
+        begin = [self.starts()]
+        if more_starts:
+            begin.append(starts_in(box_of(self.space), self.names, more_starts, seed))
+        if last is not None:
+            begin.append(last[None])
+        found = self.fit(readings, np.concatenate(begin))
+        best, k = float(found.chi2[0]), nearest_alike(found, last, ALIKE_SIGMA)
+        pose, chi2 = found.poses[k], float(found.chi2[k])
         alone, total = bound_pair(self.model, pose, self.names, self.noise, self.nuisances)
         return PoseEstimate(
             pose,
-            float(found.gains[0]),
+            float(found.gains[k]),
             chi2,
             float(chi2_distribution.sf(chi2, free)),
             alone,
             total,
-            others(found, pose, chi2),
+            others(found, pose, best),
             edge=self._at_edge(pose),
         )
 

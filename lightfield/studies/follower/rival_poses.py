@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.frames import POSE, in_degrees, wrapped
 from lightfield.studies.follower.light import ArrayModel
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose_search import Minima, find_minima, starts_in
@@ -68,8 +68,29 @@ def others(found: Minima, pose: Array, least: float = 0.0) -> list[RivalPose]:
     kept: list[RivalPose] = []
     for other, gain, chi2 in zip(found.poses, found.gains, found.chi2, strict=True):
         near = max(chi2 - least, 0.0) ** 0.5
-        if near < NEAR_SIGMA and all(
-            (np.abs(other - p) > APART).any() for p in (pose, *(k.pose for k in kept))
-        ):
+        if near < NEAR_SIGMA and all(apart(other, p) for p in (pose, *(k.pose for k in kept))):
             kept.append(RivalPose(other, float(gain), near))
     return kept
+
+
+def nearest_alike(found: Minima, last: Array | None, sigma: float) -> int:
+    """Which of the minima, best first, to take: the best, or another that is as good within so many sigma and
+    nearer to the last pose."""
+    if last is None:
+        return 0
+    alike = [0]
+    for k in np.flatnonzero(found.chi2 < found.chi2[0] + sigma**2).tolist():
+        if all(apart(found.poses[k], found.poses[j]) for j in alike):
+            alike.append(k)
+    far = [(_difference(found.poses[k], last) / APART) ** 2 for k in alike]
+    return alike[int(np.argmin(np.sum(far, axis=1)))]
+
+
+def apart(one: Array, other: Array) -> bool:
+    """Whether two poses are different minima."""
+    return bool((np.abs(_difference(one, other)) > APART).any())
+
+
+def _difference(one: Array, other: Array) -> Array:
+    """Of two poses, m and rad; a whole turn is none."""
+    return np.append((one - other)[:3], wrapped(one[3:] - other[3:]))

@@ -110,6 +110,10 @@ class Poses:
         return sum(not one.lost and not one.fits for one in self.estimates)
 
     @property
+    def ambiguous(self) -> int:
+        return sum(one.ambiguous for one in self.estimates)
+
+    @property
     def losses(self) -> list[Loss]:
         """Every darkness, and every three or more readings in a row that do not fit."""
         dark = [one.lost for one in self.estimates]
@@ -169,7 +173,8 @@ class Poses:
             )
         lines += [one.as_text() for one in self.losses]
         lines.append(
-            f"{len(self.estimates)} samples, {self.lost} without light, {self.misfits} that do not fit"
+            f"{len(self.estimates)} samples, {self.lost} without light, {self.misfits} that do not fit, "
+            f"{self.ambiguous} ambiguous"
         )
         return "\n".join(lines)
 

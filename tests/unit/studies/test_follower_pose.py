@@ -16,8 +16,8 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
-from lightfield.studies.follower.pose_search import box_of
-from lightfield.studies.follower.rival_poses import rivals
+from lightfield.studies.follower.pose_search import Minima, box_of
+from lightfield.studies.follower.rival_poses import nearest_alike, rivals
 from lightfield.studies.follower.sequence import Lost, poses_of
 from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracker
@@ -113,6 +113,40 @@ def test_rival_of_a_flat_array() -> None:
     assert rivals(ArrayModel(LIGHT, HEMISPHERE), pose, FIVE, noise, box, gain_sigma=np.inf) == []
     # Four readings for five unknowns: as many rivals as one looks for.
     assert len(rivals(ArrayModel(LIGHT, grid((2, 2), 0.4)), pose, FIVE, noise, box)) > 10
+
+
+@pytest.mark.parametrize(("from_m", "to_m", "seed", "noise"), [(0.4, 0.2, 3, 3e-4), (0.3, 0.1, 0, 1e-3)])
+def test_a_sequence_does_not_stay_at_a_mirrored_pose(from_m: float, to_m: float, seed: int, noise: float):
+    """A flat array that turns through zero: there two minima of the cost are one, and part again.
+
+    Begun at the last pose alone, 8 rows of the first and the last 17 of the second stayed with the wrong one,
+    up to 30 in chi2 above the other. A row is never worse than by itself; what is wrong is called ambiguous.
+    """
+    sensor, flat = SensorNoise(brightest=noise), grid((5, 5), 0.26)
+    one = Estimator(ArrayModel(LIGHT, flat), sensor, FIVE, {"gain": 0.05}, SPACE)
+    rng, last, wrong = np.random.default_rng(seed), None, 0
+    for t in np.linspace(0.0, 1.0, 30):
+        pose = np.array([from_m + (to_m - from_m) * t, 0.05, 6.5, np.radians(25 * (2 * t - 1)), 0.0, 0.0])
+        readings = one.model.readings(pose[None])[0]
+        readings += np.sqrt(sensor.variance(readings)) * rng.standard_normal(len(readings))
+        found, alone = one.estimate(readings, last), one.estimate(readings, more_starts=20)
+        assert found.chi2 < alone.chi2 + 1.01
+        if abs(np.degrees(found.pose - pose)[3]) > 5:
+            wrong += 1
+            assert found.ambiguous and "ambiguous" in found.as_text() and found.as_data()["ambiguous"]
+        last = found.pose
+    assert wrong <= 5  # as many as are by themselves: noise alone
+    assert abs(np.degrees(found.pose - pose)[3]) < 3
+
+
+def test_of_poses_that_are_alike_the_nearest_to_the_last_is_taken() -> None:
+    """Within one sigma; a whole turn of roll is none; copies of one minimum are one."""
+    near, far = np.array([0.1, 0, 6, 0.1, 0, 3.1]), np.array([0.2, 0, 6, -0.3, 0, 0.0])
+    last = np.array([0.1, 0, 6, 0.1, 0, 3.15 - 2 * np.pi])
+    for chi2, taken in ((20.5, 2), (21.5, 0)):
+        found = Minima(np.array([far, far + 1e-3, near]), np.ones(3), np.array([20.0, 20.01, chi2]))
+        assert nearest_alike(found, last, 1.0) == taken
+        assert nearest_alike(found, None, 1.0) == 0
 
 
 ASIDE = np.array([0.4, 0, 0, 0, 0, 0])
