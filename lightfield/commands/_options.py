@@ -82,7 +82,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--report": {"type": Path, "metavar": "OUT.html", "help": "write a self-contained report"},
     "--case": {
         "action": "append", "metavar": "PATH=VALUE",
-        "help": "only cases with this value; may be repeated",
+        "help": "only cases with this value, a step of the sweep (or rounded to three digits or more); may "
+        "be repeated",
     },
 }  # fmt: skip
 TRACING = ("rel_error", "max_photons", "seed")

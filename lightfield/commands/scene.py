@@ -24,7 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     output = parser.add_mutually_exclusive_group()
     output.add_argument("--get", metavar="PATH", help="print one value, e.g. water.scattering_per_m")
-    output.add_argument("--to-toml", action="store_true", help="print the complete scene as TOML")
+    output.add_argument(
+        "--to-toml",
+        action="store_true",
+        help="print the scene as TOML: what FILE and --set say, without defaults",
+    )
     output.add_argument(
         "--to-xml", type=Path, metavar="OUT", help="write a Mitsuba scene that uses our plugins"
     )

@@ -49,7 +49,8 @@ On a cluster, with the store on a disk that all machines share, start a schedule
   dask worker tcp://10.0.0.1:8786 --nthreads 1 --nworkers 16 # on every machine
   lightfield sweep ... -o /shared/s.zarr --scheduler tcp://10.0.0.1:8786
 
-A scheduler runs the code of anyone who reaches it: keep it behind a firewall, or use TLS (see the README).
+A scheduler runs the code of anyone who reaches it: keep it behind a firewall, or use TLS
+(--protocol tls, tls://10.0.0.1:8786 and keys: docs/sweeps.md of the manual has the commands).
 
 With dask-jobqueue (SLURMCluster, PBSCluster, ...: cores=1, processes=1) or dask-kubernetes give
 cluster.scheduler_address. All machines need the same version of lightfield.

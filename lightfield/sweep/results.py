@@ -24,8 +24,9 @@ from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
 GIVE = "give what `lightfield sweep` wrote"
 
 
-#: A value means a step that is nearer than this part of the distance between steps: 0.0464 for 0.046416.
-_ROUNDED = 0.05
+#: Digits to which a value may be rounded: 0.0464, as figures print it, means the step 0.046416; and those a
+#: number has.
+_FEWEST_DIGITS, _ALL_DIGITS = 3, 17
 #: Steps that an error lists.
 _SHOWN = 8
 
@@ -153,7 +154,7 @@ def axes_of(data: xr.Dataset) -> list[str]:
 
 
 def chosen_cases(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
-    """Keep the cases with given values: `path=value`, rounded or not where it is a number.
+    """Keep the cases with given values: `path=value`; a number may be rounded, see `step_of`.
 
     Raises
     ------
@@ -174,22 +175,22 @@ def chosen_cases(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
 
 
 def step_of(steps: np.ndarray, name: str, value: str) -> int:
-    """Number of the step that a value means.
+    """Number of the step that a value means: it, or it rounded to three digits or more.
 
     Raises
     ------
     UsageError
-        The value is not among the steps.
+        The value is not among the steps, or rounded so far that it means several.
     """
     if steps.dtype.kind in "fi":
         try:
             number = float(value)
         except ValueError:
             number = float("nan")
-        away = np.abs(steps - number)
-        apart = float(np.diff(np.sort(steps)).min()) if len(steps) > 1 else abs(float(steps[0]))
-        if away.min() <= _ROUNDED * apart:
-            return int(away.argmin())
+        for digits in range(_ALL_DIGITS, _FEWEST_DIGITS - 1, -1):
+            meant = [k for k, step in enumerate(steps) if float(f"{step:.{digits}g}") == number]
+            if len(meant) == 1:
+                return meant[0]
         several = ", ".join(f"{step:g}" for step in steps[:_SHOWN]) + (", ..." if len(steps) > _SHOWN else "")
         raise UsageError("no such value", where=f"case {name}", found=value, rule=several)
     known = [str(step) for step in steps]

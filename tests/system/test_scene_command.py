@@ -63,6 +63,15 @@ def test_to_toml_is_the_same_scene(capsys, scene_file):
     assert Scene.from_toml(run(capsys, scene_file, "--to-toml")).digest() == Scene.load(scene_file).digest()
 
 
+def test_to_toml_says_what_was_said_and_no_defaults_as_its_help_has_it(capsys, scene_file):
+    told = Scene.from_toml(run(capsys, scene_file, "--to-toml", "--set", "lamp.power_w=5")).to_dict()
+    assert told["lamp"] == {"profile": "gaussian", "hwhm_deg": 3.5, "power_w": 5.0}
+    assert "tank" not in told
+    with pytest.raises(SystemExit):
+        cli.main(["scene", "--help"])
+    assert "without defaults" in " ".join(capsys.readouterr().out.split())
+
+
 def test_schema_needs_no_file(capsys):
     assert json.loads(run(capsys, "--schema")) == Scene.json_schema()
 

@@ -169,6 +169,7 @@ def test_show_draws_three_figures_and_says_what_is_there(
         (["show", "{tmp}"], "not a sweep's store"),
         (["show", "{store}", "--case", "tank.wall_albedo=2"], "no such value.*0, 0.5"),
         (["show", "{store}", "--case", "water.scattering_per_m=0.12"], "no such value.*0.1"),
+        (["show", "{store}", "--case", "tank.wall_albedo=0.51"], "no such value.*0.51.*0, 0.5"),
         (
             ["export", "{store}", "--exr", "{tmp}/e", "--case", "tank.wal_albedo=0"],
             "did you mean tank.wall_albedo",

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import importlib
 import re
+from pathlib import Path
 
 import pytest
 
-from lightfield.commands import link
+from lightfield.commands import link, sweep
 from lightfield.commands._line import COMMANDS, _module, prepared
 from lightfield.commands._options import OPTIONS, photon_count, seed_number
 from lightfield.errors import LightfieldError, UsageError
@@ -57,6 +58,12 @@ def test_two_waters_of_one_name_are_refused() -> None:
     assert link._waters(["clear=0.05,0", "murky=0.2,0.1"]) == {"clear": (0.05, 0), "murky": (0.2, 0.1)}
     with pytest.raises(UsageError, match="two waters of one name"):
         link._waters(["clear=0.05,0", "clear=0.2,0.1"])
+
+
+def test_the_help_of_sweeps_names_the_page_that_says_how_to_use_tls() -> None:
+    (page,) = re.findall(r"use TLS\s+\(.*?(docs/\w+\.md)", sweep.EPILOG)
+    told = (Path(__file__).resolve().parents[3] / page).read_text(encoding="utf-8")
+    assert "--tls-cert" in told and "--scheduler tls://" in told
 
 
 @pytest.mark.parametrize("command", ["render", "sweep"])
