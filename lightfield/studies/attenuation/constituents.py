@@ -4,6 +4,7 @@
 
 All colours are fitted together; gains and errors of stays are free. The same with excess = 0 is Beer-Lambert
 with c = a + b, which takes every scattered photon for lost. It can fit as well and be wrong all the same.
+Where a model does not fit, its intervals are those of errors larger by `common_errors.misfit_factor`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from scipy.optimize import brentq, least_squares
 from lightfield.arrays import Array
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.scene.water.water import Water
-from lightfield.studies.attenuation.common_errors import Design
+from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_factor
 from lightfield.studies.attenuation.scattered import Stack
 
 #: What is looked for: field of the water, its unit, its name, where fits start, what it is scaled by, and how
@@ -76,6 +77,7 @@ class Constituents:
     Parameters
     ----------
     amounts : dict of Amount, by field of the water
+        Intervals are widened by misfits.
     water : Water
         With these amounts.
     chi2 : float
@@ -91,6 +93,16 @@ class Constituents:
     def p(self) -> float:
         """Probability of a larger chi-square."""
         return float(stats.chi2.sf(self.chi2, self.dof)) if self.dof > 0 else float("nan")
+
+    @property
+    def rejected(self) -> bool:
+        """Do the readings exclude this model of the light, whatever the amounts?"""
+        return self.p <= POOR_FIT
+
+    @property
+    def errors_times(self) -> float:
+        """By what the errors of the readings are multiplied for the intervals."""
+        return misfit_factor(self.chi2, self.dof)
 
 
 @dataclass(frozen=True)
@@ -123,11 +135,12 @@ def fit_constituents(
     design, left = _left(stack, base, list(names), scattered)
     start, scale, most = _limits(names)
     best = _fit(left, start, scale, most)
+    dof = int(np.isfinite(stack.y).sum()) - design.X.shape[1] * design.X.shape[2] - len(names)
+    times = misfit_factor(best.chi2, dof)
     amounts = {
-        name: _profile(left, best, k, scale, most, names[name][1], names[name][0])
+        name: _profile(left, best, k, scale, most, times, names[name][1], names[name][0])
         for k, name in enumerate(names)
     }
-    dof = int(np.isfinite(stack.y).sum()) - design.X.shape[1] * design.X.shape[2] - len(names)
     water = base.model_copy(update={n: float(v) for n, v in zip(names, best.u, strict=True)})
     return Constituents(amounts, water, best.chi2, dof)
 
@@ -194,10 +207,17 @@ def _fit(
 
 
 def _profile(
-    left: Callable[[Array], Array], best: _Fit, k: int, scale: Array, most: Array, name: str, unit: str
+    left: Callable[[Array], Array],
+    best: _Fit,
+    k: int,
+    scale: Array,
+    most: Array,
+    times: float,
+    name: str,
+    unit: str,
 ) -> Amount:
-    """Where chi-square, least over all other amounts, has risen by 1 and by 3.84."""
-    value, step = float(best.u[k]), float(np.sqrt(best.covariance[k, k]))
+    """Where chi-square, least over all other amounts, rises by 1 and by 3.84; of errors `times` as large."""
+    value, step = float(best.u[k]), times * float(np.sqrt(best.covariance[k, k]))
     known: dict[float, float] = {value: 0.0}
     last = [best.u]
 
@@ -207,7 +227,7 @@ def _profile(
             start[k] = at
             fit = _fit(left, start, scale, most, held=k)
             last.append(fit.u)
-            known[at] = fit.chi2 - best.chi2
+            known[at] = (fit.chi2 - best.chi2) / times**2
         return known[at]
 
     def end(level: float, direction: int) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array, finite
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
-from lightfield.studies.attenuation.constituents import Amount
+from lightfield.studies.attenuation.constituents import Amount, Constituents
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Attenuation, Content, beer_lambert_is_off
 
@@ -166,10 +166,13 @@ def content_rows(found: Content) -> list[list[str]]:
         first = next(m.amounts[name] for m in models if name in m.amounts)
         cells = [amount_text(m.amounts[name]) if name in m.amounts else "–" for m in models]
         rows.append([f"{first.name} ({first.unit})", *cells])
-    rows.append(
-        ["chi-square / degrees of freedom", *(f"{m.chi2:.0f} / {m.dof} (p = {m.p:.2g})" for m in models)]
-    )
+    rows.append(["chi-square / degrees of freedom", *map(_fit_text, models)])
     return rows
+
+
+def _fit_text(model: Constituents) -> str:
+    text = f"{model.chi2:.0f} / {model.dof} (p = {model.p:.2g})"
+    return text + f": rejected; errors times {model.errors_times:.2g}" * model.rejected
 
 
 def content_head(found: Content) -> tuple[str, ...]:
@@ -198,13 +201,17 @@ def content_sentences(found: Content) -> list[str]:
     """What Beer-Lambert gets wrong, and what the phase function is worth."""
     traced, wrong = found.traced, found.beer_lambert
     if traced is None:
-        return ["Without a trace only Beer-Lambert is left: it takes every scattered photon for lost."]
+        rejected = " It does not fit the readings: its amounts are not to be trusted." * wrong.rejected
+        return [
+            f"Without a trace only Beer-Lambert is left: it takes every scattered photon for lost.{rejected}"
+        ]
     lines = []
-    if traced.p <= POOR_FIT:
+    if traced.rejected:
         lines.append(
             "Scattered light does not make these constituents fit the readings (chi-square / dof "
-            f"{traced.chi2 / traced.dof:.2f}): their intervals are too narrow, by a factor of "
-            f"{misfit_factor(traced.chi2, traced.dof):.2g} at least."
+            f"{traced.chi2 / traced.dof:.2f}, p = {traced.p:.2g}): the fit is rejected, and these amounts "
+            f"are not to be trusted, though the errors behind their intervals are multiplied by "
+            f"{traced.errors_times:.2g}."
         )
     off = {k: v for k, v in beer_lambert_is_off(found).items() if abs(v[1]) > NOTEWORTHY_SIGMA}
     if off:
@@ -213,7 +220,7 @@ def content_sentences(found: Content) -> list[str]:
             f"{abs(sigma):.1f} of its stated errors"
             for name, (relative, sigma) in off.items()
         ]
-        fits = "and it fits the readings" if wrong.p > POOR_FIT else "but it does not fit the readings"
+        fits = "but it does not fit the readings" if wrong.rejected else "and it fits the readings"
         lines.append(
             f"Beer-Lambert finds {'; '.join(words)}; {fits} (chi-square / dof {wrong.chi2 / wrong.dof:.2f})."
         )
@@ -310,6 +317,8 @@ def _content_data(found: Content) -> dict[str, Any]:
                 "chi2": model.chi2,
                 "degrees_of_freedom": model.dof,
                 "p": finite(model.p),
+                "rejected": model.rejected,
+                "errors_times": model.errors_times,
             }
             for name, model in models.items()
             if model is not None

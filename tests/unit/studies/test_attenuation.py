@@ -36,16 +36,18 @@ def truth_per_m(colours: np.ndarray = COLOURS) -> np.ndarray:
 
 
 def table(
-    lamp: Scene, noise: float = 0.0, stay: float = 0.0, x: float = 0.0, seed: int = 0, **given
-) -> Readings:
+    lamp: Scene, noise: float = 0.0, stay: float = 0.0, x: float = 0.0, seed: int = 0,
+    colours: np.ndarray = COLOURS, stated: float | None = None, **given,
+) -> Readings:  # fmt: skip
     """Direct light alone at all distances, in both media; errors of readings, and of whole stays."""
     rng = np.random.default_rng(seed)
-    z, colour, air = (v.ravel() for v in np.meshgrid(DISTANCES, COLOURS, [False, True], indexing="ij"))
+    z, colour, air = (v.ravel() for v in np.meshgrid(DISTANCES, colours, [False, True], indexing="ij"))
     medium = np.where(air, "air", "water")
     light = direct_field(lamp, x + 0 * z, 0 * z, z, colour, medium)
     shared = stay * rng.standard_normal((5, 2))[np.searchsorted(DISTANCES, z), air.astype(int)]
     value = light * np.exp(shared + noise * rng.standard_normal(len(z)))
-    columns = {"x_m": x, "wavelength_nm": colour, "medium": medium, "stderr": max(noise, 1e-4) * value}
+    stderr = (stated or max(noise, 1e-4)) * value
+    columns = {"x_m": x, "wavelength_nm": colour, "medium": medium, "stderr": stderr}
     budget = {"plane_gain_percent": 100 * stay, "position_mm": 0.0}
     return Readings.from_arrays(z_m=z, value=value, **{**columns, **budget, **given})
 
@@ -210,6 +212,28 @@ def test_what_is_no_straight_line_is_said() -> None:
     stated = attenuation(whole, scene()).apparent[0].K_stderr
     assert one.K_stderr == pytest.approx(times * stated, rel=0.05), "of the same errors that were stated"
     assert "straight lines fit" in as_text(attenuation(whole, scene()))
+
+
+def test_a_rejected_fit_of_constituents_says_so_and_widens_its_intervals() -> None:
+    """Errors that are stated five times too small: the intervals are those of the right ones again."""
+    colours = np.linspace(420.0, 650.0, 12)
+    right, small = (
+        attenuation(table(scene(), noise=0.01, colours=colours, stated=stated), scene())
+        for stated in (0.01, 0.002)
+    )
+    (one, other) = (found.content.beer_lambert for found in (right, small))
+    assert not one.rejected and one.errors_times == 1.0
+    assert other.rejected and other.p < 1e-50
+    assert other.errors_times == pytest.approx(5.0, rel=0.2)
+    (mine, theirs) = (found.amounts["cdom_440_per_m"] for found in (one, other))
+    assert theirs.value == pytest.approx(mine.value, rel=0.02)
+    for a, b in ((mine.stderr, theirs.stderr), (mine.high_95, theirs.high_95), (mine.low_95, theirs.low_95)):
+        assert b == pytest.approx(a, rel=0.2)
+    words = as_text(small)
+    assert f"rejected; errors times {other.errors_times:.2g}" in words and "not to be trusted" in words
+    assert "rejected" not in as_text(right) and "not to be trusted" not in as_text(right)
+    data = json.loads(json.dumps(as_data(small)))["constituents"]["beer_lambert"]
+    assert data["rejected"] is True and data["errors_times"] == other.errors_times
 
 
 def test_words_and_data_hold_the_same_numbers_with_errors() -> None:
