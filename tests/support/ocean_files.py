@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.readings import text
-from lightfield.readings.instruments.formats import parse_spectrum
+from lightfield.readings.instruments.formats import spectra_of
 from lightfield.readings.instruments.oceanoptics import jaz, jaz_irradiance, oceanview, spectrasuite
 from lightfield.readings.instruments.spectrum import Spectrum
 
@@ -95,7 +94,7 @@ FORMATS = {
 
 def parse(content: str | bytes) -> Spectrum:
     data = content if isinstance(content, bytes) else content.encode()
-    return parse_spectrum(text.decode(data, "test.txt"), "test.txt")
+    return spectra_of(data, "test.txt")[0]
 
 
 def text_of(name: str) -> str:

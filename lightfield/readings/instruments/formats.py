@@ -12,7 +12,7 @@ from lightfield.readings.instruments import avantes, hyperocr, par, plain, ramse
 from lightfield.readings.instruments.oceanoptics import jaz, jaz_irradiance, oceanview, procspec, spectrasuite
 from lightfield.readings.instruments.oceanoptics.document import Document, take_apart
 from lightfield.readings.instruments.spectrum import Spectrum
-from lightfield.readings.text import Text, decode
+from lightfield.readings.text import decode
 from lightfield.storage.inputs import SPECTRUM, read_bytes
 
 #: Some programs pad names with zeros; of more than one in so many bytes a text is none.
@@ -42,7 +42,11 @@ def read_spectra(path: str | Path, mapping: Mapping[str, str] | None = None) -> 
     MeasurementError
         Unknown format, or all problems of the file with their lines.
     """
-    where, data = str(path), read_bytes(path, SPECTRUM)
+    return spectra_of(read_bytes(path, SPECTRUM), str(path), mapping)
+
+
+def spectra_of(data: bytes, where: str, mapping: Mapping[str, str] | None = None) -> tuple[Spectrum, ...]:
+    """The same of a file's bytes; `where` names them in errors."""
     for reader in BINARY:
         if not mapping and reader.claims(data):
             if reader is procspec and unknown_archive(data):
@@ -61,11 +65,6 @@ def read_spectra(path: str | Path, mapping: Mapping[str, str] | None = None) -> 
     if mapping:
         return tuple(plain.read(document, mapping))
     return _text(document, data)
-
-
-def parse_spectrum(content: Text, where: str) -> Spectrum:
-    """The first spectrum from the lines of a file; see `read_spectra`."""
-    return _text(take_apart(content, where), "\n".join(content.lines).encode())[0]
 
 
 def unknown_archive(data: bytes) -> bool:
