@@ -88,9 +88,19 @@ def _broken(name: str, annotation: object, value: object) -> str | None:
         return None if holds(float(value)) else words  # type: ignore[arg-type]  # a number, as just seen
     if origin is Literal:
         return None if value in inside else " or ".join(map(repr, inside))
+    if origin is tuple:
+        return _broken_tuple(inside, value)
     if origin is Mapping:
         return None if isinstance(value, Mapping) else "names with what belongs to each: {name: ...}"
     return _broken_list(inside[0], value) if origin is Sequence else None
+
+
+def _broken_tuple(inside: Sequence[object], value: object) -> str | None:
+    """Of so many numbers."""
+    whole = inside[0] is int
+    numbers, kind = _listed(value), Integral if whole else Real
+    fine = len(numbers) == len(inside) and all(_is_number(v, kind) for v in numbers)
+    return None if fine else f"{len(inside)} {'whole ' * whole}numbers: ({', '.join(['...'] * len(inside))})"
 
 
 def _broken_list(inside: object, value: object) -> str | None:

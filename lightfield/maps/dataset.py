@@ -160,7 +160,18 @@ def provenance(rendering: Rendered) -> dict[str, Attribute]:
             attributes[name] = float(value) if isinstance(value, float) else int(value)
     for name, value in _energy(rendering).items():
         attributes[f"energy_{name}"] = float(value)
+    if "energy_emitted" in attributes:
+        attributes["energy_units"], attributes["energy_comment"] = energy_units(scene)
     return attributes
+
+
+def energy_units(scene: Scene) -> tuple[str, str]:
+    """Unit of the attributes `energy_*`, and what they are, in words."""
+    unit, of = ("1", "1 W of the lamp") if scene.lamp.profile == "pencil" else ("sr", "1 W/sr on the axis")
+    return (
+        unit,
+        f"W for {of}, in the reference water of the trace; energy_closure as a part of energy_emitted",
+    )
 
 
 def write_netcdf(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
@@ -204,13 +215,24 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
             "cannot read this as a data set", where=str(path),
             rule="NetCDF, as `lightfield render` writes it", remedy="check the path, or render again",
         ) from error  # fmt: skip
-    quantity = dataset.attrs.get("quantity")
-    if quantity not in QUANTITIES or quantity not in dataset:
+    if (lacks := lacking(dataset)) is not None:
         raise OutputError(
-            "not a rendering", where=str(path), rule=f"needs one of {', '.join(QUANTITIES)}",
+            "not a rendering", where=str(path), rule=lacks,
             remedy="give a file written by `lightfield render`",
         )  # fmt: skip
     return dataset
+
+
+def lacking(dataset: xr.Dataset) -> str | None:
+    """What a data set would need to be a rendering; None where it is one."""
+    quantity = dataset.attrs.get("quantity")
+    if quantity not in QUANTITIES or quantity not in dataset:
+        return f"needs one of {', '.join(QUANTITIES)}, and the attribute `quantity` that names it"
+    if f"{quantity}_stderr" not in dataset or "scene_toml" not in dataset.attrs:
+        return f"needs {quantity}_stderr and the attribute scene_toml"
+    if dataset[quantity].dims not in (DIMS, (DIMS[0], "position")):
+        return f"needs {quantity} over {', '.join(DIMS)}, or over {DIMS[0]} and position"
+    return None
 
 
 def _begins_as_netcdf(path: str | os.PathLike[str]) -> bool:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from os import fspath
+from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, diffuse_source, named, readings_of, scene_of
 from lightfield.api.light.maps import Maps, nearest_index, render
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
+from lightfield.maps.dataset import lacking
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.compare import maps as comparing
@@ -22,7 +24,6 @@ from lightfield.studies.compare import text
 
 if TYPE_CHECKING:
     import pandas as pd
-    import xarray as xr
 
     from lightfield.report.style import Axes
 
@@ -130,7 +131,7 @@ class Fit(Result[fitting.FitReport]):
 
 @overload
 def compare(
-    what: Scene | Maps | AnyPath, scene: None = None, *, rel_error: float | None = None,
+    what: Scene | Maps | xr.Dataset | AnyPath, scene: None = None, *, rel_error: float | None = None,
     max_photons: float | None = None, seed: int | None = None, cache: bool = True,
 ) -> Comparison: ...  # fmt: skip
 @overload
@@ -143,7 +144,7 @@ def compare(
 @told_in_notebook("compare")
 @checked
 def compare(
-    what: Scene | Maps | Readings | AnyPath,
+    what: Scene | Maps | xr.Dataset | Readings | AnyPath,
     scene: Scene | AnyPath | None = None,
     *,
     with_: str | Sequence[str] = (),
@@ -159,8 +160,9 @@ def compare(
 
     Parameters
     ----------
-    what : Scene, Maps, Readings or path-like
-        A scene to render, maps as they are, or readings of `scene`; or the file (.toml, .nc, .csv) of one.
+    what : Scene, Maps, xarray.Dataset, Readings or path-like
+        A scene to render, maps (or their data set) as they are, or readings of `scene`; or the file (.toml,
+        .nc, .csv) of one.
     scene : Scene or path-like, optional
         Scene that readings belong to.
     with_ : str or sequence of str
@@ -187,6 +189,13 @@ def compare(
     FitError, MeasurementError, SceneError
         Readings or a scene that cannot be used.
     """
+    if not isinstance(what, Scene | Maps | xr.Dataset | Readings | str | PathLike):
+        raise UsageError(
+            "not what this argument takes", where="what", found=type(what).__name__,
+            rule="a Scene, Maps or their data set, Readings, or the path of a file of one of them",
+        )  # fmt: skip
+    if isinstance(what, xr.Dataset):
+        what = _maps_of(what)
     tracing = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed}
     asked = {name: value for name, value in tracing.items() if value is not None}
     if scene is None and not isinstance(what, Readings):
@@ -218,6 +227,15 @@ def compare(
         diffuse=light,
     )  # fmt: skip
     return Fit(report)
+
+
+def _maps_of(dataset: xr.Dataset) -> Maps:
+    if (lacks := lacking(dataset)) is not None:
+        raise UsageError(
+            "this data set is no rendering", where="what", rule=lacks,
+            remedy="give what `render` returns, whole or a slice that keeps its dimensions",
+        )  # fmt: skip
+    return Maps(dataset)
 
 
 def _maps_compared(what: Scene | Maps | AnyPath, asked: dict[str, Any], cache: bool) -> Comparison:

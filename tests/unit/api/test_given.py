@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import lightfield as lf
 from lightfield.api.given import checked, named
@@ -59,6 +60,15 @@ WRONG = {
     "detectors that look back": (lambda: lf.array.optimise(POOL, tilt_max=200), "tilt_max.*0 to 90"),
     "readings that are no file": (lambda: lf.pose.estimate(np.ones(3), POOL), "readings.*path"),  # type: ignore[arg-type]
     "one water for a list": (lambda: lf.pose.bias(POOL, scattering=0.1), "scattering.*list"),  # type: ignore[arg-type]
+    "a size in words": (lambda: lf.picture(POOL, size="32x18"), "size.*32x18.*2 whole numbers"),  # type: ignore[arg-type]
+    "half a size": (lambda: lf.picture(POOL, size=(32,)), "size.*2 whole numbers"),  # type: ignore[arg-type]
+    "half a pixel": (lambda: lf.picture(POOL, size=(32.5, 18)), "size.*2 whole numbers"),  # type: ignore[arg-type]
+    "a range that is a number": (lambda: lf.band(POOL, between=400), "between.*2 numbers"),  # type: ignore[arg-type]
+    "a number to compare": (lambda: lf.compare(3), "what.*int.*Maps or their data set"),  # type: ignore[call-overload]
+    "a data set of something else": (
+        lambda: lf.compare(xr.Dataset({"a": 1})),
+        "what: .*no rendering.*`quantity`",
+    ),
     "no water": (lambda: lf.pose.bias(POOL, scattering=[]), "scattering.*list"),
 }
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 from analytic_readings import readings
 from matplotlib.figure import Figure
 
@@ -141,6 +143,17 @@ def test_the_comparison_gives_the_formula_beside_the_maps(maps):
     for k, plane in enumerate(comparison.details.planes):
         np.testing.assert_array_equal(found.formula.values[0, k], plane.formula)
     assert found.formula.dims == found.irradiance.dims
+
+
+def test_a_data_set_of_maps_is_compared_as_the_maps_are(maps, tmp_path):
+    whole = lf.compare(maps).to_pandas()
+    opened = xr.load_dataset(maps.save(tmp_path / "maps.nc"))
+    for given in (maps.to_xarray(), opened):
+        pd.testing.assert_frame_equal(lf.compare(given).to_pandas(), whole)
+    one = lf.compare(maps.to_xarray().isel(z_m=[1])).to_pandas()
+    assert one.axis_error.item() == whole.axis_error[1]
+    with pytest.raises(lf.LightfieldError, match=r"over wavelength_nm, z_m.*keeps its dimensions"):
+        lf.compare(maps.to_xarray().isel(z_m=0))
 
 
 def test_what_does_not_belong_together_is_refused(table, maps, tmp_path):

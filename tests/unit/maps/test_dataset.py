@@ -9,7 +9,15 @@ import pytest
 import xarray as xr
 
 from lightfield.errors import OutputError
-from lightfield.maps.dataset import plane_image, read_netcdf, to_dataset, write_exr_planes, write_netcdf
+from lightfield.maps.dataset import (
+    energy_units,
+    lacking,
+    plane_image,
+    read_netcdf,
+    to_dataset,
+    write_exr_planes,
+    write_netcdf,
+)
 from lightfield.maps.exr import read_spectral_exr
 from lightfield.scene import Scene
 
@@ -42,6 +50,22 @@ def test_provenance_brings_the_scene_back(dataset):
     assert (attrs["seed"], attrs["photons"]) == (3, 5_000_000_000)
     assert attrs["energy_absorbed"] == 0.011
     assert attrs["Conventions"].startswith("CF-")
+
+
+def test_the_energy_balance_says_its_unit(dataset, make):
+    assert dataset.attrs["energy_units"] == "sr"
+    assert "W for 1 W/sr on the axis" in dataset.attrs["energy_comment"]
+    pencil = Scene.from_dict({"lamp": {"profile": "pencil"}})
+    unit, words = energy_units(pencil)
+    assert unit == "1" and "W for 1 W of the lamp" in words
+
+
+def test_what_a_rendering_needs_is_told(dataset):
+    assert lacking(dataset) is None
+    assert lacking(dataset.isel(z_m=[0])) is None
+    assert "over wavelength_nm, z_m" in lacking(dataset.isel(z_m=0))
+    assert "irradiance_stderr" in lacking(dataset.drop_vars("irradiance_stderr"))
+    assert "`quantity`" in lacking(dataset.assign_attrs(quantity="heat"))
 
 
 def test_netcdf_returns_the_same_data_set(dataset, tmp_path):
