@@ -122,7 +122,7 @@ def new_water(model: ArrayModel, light: TracedField, pose: np.ndarray, name: str
 
 
 def estimate(estimator: Estimator, pose: np.ndarray) -> tuple[float, float, str]:
-    """Pose, two covariances, rivals and fit of one reading; the peer is SciPy's least squares alone."""
+    """Pose, two covariances, rivals and fit of one reading; the peer is SciPy's least squares, one start."""
     rng = np.random.default_rng(0)
     clean = estimator.model.readings(pose[None])[0]
     sigma = np.sqrt(estimator.noise.variance(clean))
@@ -214,8 +214,8 @@ def main() -> int:
          new_water(model, light, pose, "absorption_per_m")),
         ("the same in water of another scattering, with errors", 2, "ms", 1e3, usual,
          new_water(model, light, pose, "scattering_per_m")),
-        ("pose of one reading, with its errors", 10, "ms", 1e3, "`scipy.optimize.least_squares`, pose alone",
-         estimate(estimator, pose)),
+        ("pose of one reading, from nine starts, with its errors", 10, "ms", 1e3,
+         "`scipy.optimize.least_squares`, one start", estimate(estimator, pose)),
         ("120 s of closed loop at 10 Hz", 20, "s", 1.0, "estimates by the on-line tracker alone",
          loop(scene, args.photons)),
         ("best array of 8 elements", 60, "s", 1.0, "arrays at random, see below",
