@@ -25,9 +25,11 @@ def show_answer(args: Namespace, text: str, data: Callable[[], object]) -> None:
         write_json(data(), args.json)
 
 
-def show_page(page: Path) -> None:
-    """Print where the page of `--report` lies."""
-    print(f"report: {page.resolve()}")
+def show_page(page: str, path: Path) -> None:
+    """Write the page of `--report`, and print where it lies."""
+    from lightfield.report.page import write_page
+
+    print(f"report: {write_page(page, path).resolve()}")
 
 
 def write_json(data: object, path: Path) -> None:

@@ -79,9 +79,9 @@ def _show(scene: Scene, args: argparse.Namespace) -> int:
         found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
     show_answer(args, found.as_text(), found.as_data)
     if args.report:
-        from lightfield.report.follower.page import write_survey
+        from lightfield.report.follower.page import survey_page
 
-        show_page(write_survey(found, args.report))
+        show_page(survey_page(found), args.report)
     return 0
 
 
@@ -135,7 +135,7 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
 def _compared(found: Arrays, args: argparse.Namespace) -> int:
     show_answer(args, found.as_text(), found.as_data)
     if args.report:
-        from lightfield.report.follower.page import write_arrays
+        from lightfield.report.follower.page import arrays_page
 
-        show_page(write_arrays(found, args.report))
+        show_page(arrays_page(found), args.report)
     return 0

@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 
         print(write_netcdf(found.apparent[0].dataset(), args.output))
     if args.report:
-        from lightfield.report.attenuation.page import write_attenuation
+        from lightfield.report.attenuation.page import attenuation_page
 
-        show_page(write_attenuation(found, args.report))
+        show_page(attenuation_page(found), args.report)
     return 0

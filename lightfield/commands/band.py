@@ -61,9 +61,9 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     show_answer(args, as_text(found), partial(as_data, found))
     if args.report:
-        from lightfield.report.band import write_band
+        from lightfield.report.band import band_page
 
-        show_page(write_band(found, args.report))
+        show_page(band_page(found), args.report)
     return 0
 
 

@@ -82,9 +82,9 @@ def run(args: argparse.Namespace) -> int:
         with atomic_path(args.track) as temporary:
             found.cases[0].dataset().to_netcdf(temporary, engine="netcdf4")
     if args.report:
-        from lightfield.report.follower.follow_page import write_following
+        from lightfield.report.follower.follow_page import following_page
 
-        show_page(write_following(found, args.report))
+        show_page(following_page(found), args.report)
     return 0
 
 
@@ -121,7 +121,7 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
         if args.json:
             write_json(as_data(data), args.json)
         if args.report:
-            from lightfield.report.follower.follow_page import write_follow_sweep
+            from lightfield.report.follower.follow_page import follow_sweep_page
 
-            show_page(write_follow_sweep(data, args.report))
+            show_page(follow_sweep_page(data), args.report)
     return 1 if done.failed else 0

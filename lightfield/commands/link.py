@@ -62,9 +62,9 @@ def run(args: argparse.Namespace) -> int:
         found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
     show_answer(args, as_text(found), partial(as_data, found))
     if args.report:
-        from lightfield.report.link import write_link
+        from lightfield.report.link import link_page
 
-        show_page(write_link(found, args.report))
+        show_page(link_page(found), args.report)
     return 0
 
 

@@ -88,7 +88,7 @@ def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, arg
     if args.json:
         write_json(made.as_data(), args.json)
     if args.report:
-        from lightfield.report.together import write_together
+        from lightfield.report.together import together_page
 
-        show_page(write_together(made, args.report))
+        show_page(together_page(made), args.report)
     return 0

@@ -53,9 +53,9 @@ def _estimate(scene: Scene, args: argparse.Namespace) -> int:
         )
     show_answer(args, found.as_text(), found.as_data)
     if args.report:
-        from lightfield.report.follower.pose_page import write_poses
+        from lightfield.report.follower.pose_page import poses_page
 
-        show_page(write_poses(found, args.report))
+        show_page(poses_page(found), args.report)
     return 0
 
 
@@ -73,9 +73,9 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
         )
     show_answer(args, found.as_text(), found.as_data)
     if args.report:
-        from lightfield.report.follower.pose_page import write_bias
+        from lightfield.report.follower.pose_page import bias_page
 
-        show_page(write_bias(found, args.report))
+        show_page(bias_page(found), args.report)
     return 0
 
 

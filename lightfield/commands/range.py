@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     show_answer(args, as_text(found), partial(as_data, found))
     if args.report:
-        from lightfield.report.working_range import write_range
+        from lightfield.report.working_range import range_page
 
-        show_page(write_range(found, args.report))
+        show_page(range_page(found), args.report)
     return 0

@@ -18,20 +18,18 @@ DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
 
 
-def planes_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> Figure:
-    """Maps on a common logarithmic scale, a row per wavelength (up to three), a column per plane.
+def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
+    """Maps on a common logarithmic scale, up to three wavelengths as rows, up to five planes as columns.
 
-    What is left out is said. `narrow`: one wavelength, and a plane a row.
+    What is left out is said. `narrow`: one wavelength, up to three planes as rows.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         From `lightfield.maps.dataset.to_dataset`.
-    most : int
-        Columns; of more planes, first, last and some between are shown.
     """
     quantity = dataset.attrs["quantity"]
-    planes = _some(dataset.sizes["z_m"], most)
+    planes = _some(dataset.sizes["z_m"], 3 if narrow else 5)
     waves = _some(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
     values = dataset[quantity].values
     x, y = dataset.x_m.values, dataset.y_m.values

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from textwrap import fill
 
 import numpy as np
@@ -26,6 +26,12 @@ SHORT = {
     "W nm-1": "W/nm",
     "W sr-1 nm-1": "W/(sr nm)",
 }
+
+
+def figures_of(data: xr.Dataset) -> dict[str, Callable[..., Figure]]:
+    """What to draw a sweep with, by name; maps only where the store holds them."""
+    maps = {"maps": tiles_figure} if data.attrs["quantity"] in data else {}
+    return {"profiles": profiles_figure, "formula": formula_figure, **maps}
 
 
 def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
@@ -127,8 +133,8 @@ def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     return fig
 
 
-def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure | None:
-    """Maps side by side over two axes, on one logarithmic scale; None where the store holds no maps.
+def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
+    """Maps side by side over two axes, on one logarithmic scale.
 
     Parameters
     ----------
@@ -136,8 +142,6 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure | None:
         From `lightfield.sweep.results.open_store`.
     """
     quantity = data.attrs["quantity"]
-    if quantity not in data:
-        return None
     along, up = _two_axes(data)
     held, rest = _hold(data, {along, up, *_map_dims(data)})
     plane, middle = _plane(held), held.sizes[_plane(held)] // 2
