@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from lightfield.diagnosis.verdict.found.found_words import effect_size, instead
 from lightfield.diagnosis.verdict.next_measurement import what_next
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
@@ -17,8 +16,9 @@ from lightfield.diagnosis.verdict.parts import (
     WaterAndBeam,
 )
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
-from lightfield.diagnosis.verdict.stated import stated_lines
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.diagnosis.verdict.words.effects import effect_size, instead
+from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
 from lightfield.report.diagnosis.figures import (

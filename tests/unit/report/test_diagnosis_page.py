@@ -8,7 +8,7 @@ import pytest
 from matplotlib.patches import Polygon
 
 from lightfield.diagnosis.verdict.parts import Rung, SetAside
-from lightfield.diagnosis.verdict.text import as_text
+from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
