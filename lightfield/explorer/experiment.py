@@ -12,10 +12,11 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout, layout_of
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.preparation import bench, prepare_problem
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.errors import FitError

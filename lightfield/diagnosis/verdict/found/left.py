@@ -14,8 +14,8 @@ import numpy as np
 from lightfield.arrays import Array, finite
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin

@@ -19,8 +19,9 @@ from toy_problem import Toy, Untraced, candidate, layout, waves
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem import problem as problem_module
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import small_sets as search_module
 from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.preparation import base_at, bench
