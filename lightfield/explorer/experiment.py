@@ -48,10 +48,8 @@ class Experiment:
         As it was given.
     readings : Readings
         What the model is held against: data, or the render of the scene at some places of the maps.
-    has_data : bool
     problem : Problem
         Its scene has every effect off that can be switched.
-    whiten : Whitener
     phi : float
         Variance of the noise over that of `whiten`.
     sigma : array, shape (n,)
@@ -62,7 +60,6 @@ class Experiment:
         Values of the effects that the scene itself has, by path.
     maps : tuple of SceneForward
         The same model at the places of the maps, at each wavelength that was read.
-    places : MapPlaces
     gain : float, optional
         Of the render that takes the place of readings.
     assumed : tuple of Assumed
@@ -125,8 +122,6 @@ def explored(
 
     Parameters
     ----------
-    scene : Scene
-    readings : Readings, optional
     diffuse : "trace", None or callable
         As `lightfield.diagnosis.diagnose.diagnose` takes it.
     dense_per_m : float, optional, m^-1

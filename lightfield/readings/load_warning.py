@@ -51,7 +51,6 @@ class LoadWarning:
 
     Parameters
     ----------
-    code : Remarks
     values : mapping
         Numbers and names that it rests on, as its words call them.
     """

@@ -36,7 +36,6 @@ class Unchecked:
         Number of the repeat at this position; of the stay at this plane.
     saturated : array of bool, shape (n,)
         Saturated in the file or at least `budget.saturation_level`: a lower bound, not a value.
-    budget : ErrorBudget
     quantity : str
         One of QUANTITIES, or "" when the table does not say.
     scale : str

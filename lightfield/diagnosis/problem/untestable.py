@@ -42,7 +42,6 @@ class Hindrance:
 
     Parameters
     ----------
-    hinders : Hinders
     profile : str, optional
         The lamp's, where its light cannot be followed.
     cells, most : int, optional

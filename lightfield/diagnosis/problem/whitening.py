@@ -27,7 +27,6 @@ class Whitener:
 
     Parameters
     ----------
-    noise : Noise
     rho : float
         Serial correlation of neighbours in the scan.
     phi : float

@@ -46,7 +46,6 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
 
     Parameters
     ----------
-    document : Document
     mapping : mapping of str to str, optional
         Which column is what (of MEANINGS), by its name or number from 1; the others are left aside.
 

@@ -26,12 +26,7 @@ ROWS = 14
 
 
 def attenuation_page(found: Attenuation) -> str:
-    """The page.
-
-    Parameters
-    ----------
-    found : Attenuation
-    """
+    """The page."""
     first = found.apparent[0]
     sections = [_apparent(one, k) for k, one in enumerate(found.apparent)]
     if found.scattered is not None:

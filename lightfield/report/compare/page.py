@@ -83,7 +83,6 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
 
     Parameters
     ----------
-    comparison : Comparison
     attributes : mapping
         Global attributes of the data set: provenance and energy.
     """

@@ -51,7 +51,6 @@ def moments(water: Water, time_s: ArrayLike, path_m: ArrayLike, count: int) -> t
 
     Parameters
     ----------
-    water : Water
     time_s : array, shape (n,), s
         NaN (unknown) counts as 0.
     path_m : array, shape (n,), m

@@ -31,7 +31,6 @@ def path_in_slab_m(water: Water, z_m: Array, path_m: Array) -> Array:
 
     Parameters
     ----------
-    water : Water
     z_m, path_m : arrays, m
         Where the paths end, z > 0, and their lengths.
     """
@@ -52,7 +51,6 @@ def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | floa
 
     Parameters
     ----------
-    water : Water
     z_m, path_m : arrays, m
         Where the paths end, z > 0, and their lengths.
     height_m : array, m
@@ -75,7 +73,6 @@ def layers_absorption_per_m(water: Water, z_m: Array) -> Array:
 
     Parameters
     ----------
-    water : Water
     z_m : array, m
     """
     low, high = slab_m(water)

@@ -79,7 +79,6 @@ class Constituents:
     water : Water
         With these amounts.
     chi2 : float
-    dof : int
     """
 
     amounts: dict[str, Amount]

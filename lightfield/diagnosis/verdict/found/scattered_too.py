@@ -42,7 +42,6 @@ class WithScattering:
 
     Parameters
     ----------
-    fit : Fit
     errors : mapping
         Standard errors by path; where the best scattering is none, those beside some.
     saved : float

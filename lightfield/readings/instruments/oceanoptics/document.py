@@ -39,7 +39,6 @@ class Document:
 
     Parameters
     ----------
-    where : str
     title : str
         First line that is not blank.
     header : dict of str to str
@@ -162,14 +161,12 @@ def spectrum(
 
     Parameters
     ----------
-    document : Document
     name : str
         Of the format.
     block : MarkedLines, optional
         Lines of numbers; None is noted as a problem.
     columns : sequence of str
         Names of the columns behind the wavelength.
-    problems : Problems
     **more
         Further fields of Spectrum.
 
