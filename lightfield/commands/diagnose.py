@@ -9,7 +9,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from lightfield.api.given import named
-from lightfield.commands._answer import outputs_of, show_page
+from lightfield.commands._answer import outputs_of
 from lightfield.commands._options import add_option
 from lightfield.commands._progress import stage_line
 from lightfield.diagnosis.verdict.verdict import json_schema
@@ -114,13 +114,12 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
     if args.report:
-        from lightfield.report.diagnosis.drawn import view_of
-        from lightfield.report.diagnosis.page import diagnosis_page
+        from lightfield.api.diagnosis import Diagnosis
 
         sys.stdout.flush()  # the verdict first: the page fits its rivals to each other, and may take as long
         with stage_line("the page: how far explanations are apart"):
-            page = diagnosis_page(view_of(found))
-        show_page(page, args.report)
+            page = Diagnosis(found).report(args.report).resolve()
+        print(f"report: {page}")
     return 0
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 
-from lightfield.commands._answer import outputs_of, show_answer, show_page
+from lightfield.commands._answer import answered, outputs_of
 from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -53,9 +52,9 @@ def run(args: argparse.Namespace) -> int:
         )
     readings = read_table(args.readings, scene) if args.readings else None
     outputs_of(args, args.scene, args.readings)
+    from lightfield.api.working_range import Range
     from lightfield.studies.working_range.poses import with_array
     from lightfield.studies.working_range.study import working_range
-    from lightfield.studies.working_range.text import as_data, as_text
 
     scene = with_array(scene, args.array, args.array_side, args.array_radius)
     trace = None
@@ -68,9 +67,4 @@ def run(args: argparse.Namespace) -> int:
             scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
             **({} if args.max_photons is None else {"photons": args.max_photons}),
         )  # fmt: skip
-    show_answer(args, as_text(found), partial(as_data, found))
-    if args.report:
-        from lightfield.report.working_range import range_page
-
-        show_page(range_page(found), args.report)
-    return 0
+    return answered(args, Range(found))
