@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import outputs_of, show_answer, show_page
-from lightfield.commands._options import add_answer, add_option
+from lightfield.commands._options import add_answer, add_option, trace_asked
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
@@ -52,13 +52,8 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.studies.attenuation.study import attenuation
 
     in_air = True if args.air else False if args.no_air else None
-    trace = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.source import response_for
-
-        trace = response_for
     with progress_of("attenuation"):
-        found = attenuation(tables, scenes, trace, in_air)
+        found = attenuation(tables, scenes, trace_asked(args), in_air)
     answer = Attenuation(found)
     show_answer(args, answer)
     if args.output:

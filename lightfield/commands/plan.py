@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.api.given import named
 from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._options import add_option, assignment
+from lightfield.commands._options import add_option, assignment, effects_asked, trace_asked
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
@@ -57,11 +56,7 @@ def run(args: argparse.Namespace) -> int:
     outputs_of(args, args.layout, args.scene, args.effects_file)
     if args.effects is None and (args.size or args.report):
         raise UsageError("no effect is named", where="--size, --report", rule="with --effects A,B,...")
-    diffuse = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.source import response_for
-
-        diffuse = response_for
+    diffuse = trace_asked(args)
     if args.effects is not None:
         return _together(layout, scene, diffuse, args)
     with progress_of("plan"):
@@ -74,9 +69,7 @@ def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, arg
     from lightfield.api.diagnosis import Together
     from lightfield.diagnosis.together import together
 
-    names = named(args.effects)
-    if not names:
-        raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
+    names = effects_asked(args)
     with progress_of("plan"):
         made = together(layout, scene, names, dict(map(assignment, args.size)), diffuse)
     return answered(args, Together(made), layout.warnings)

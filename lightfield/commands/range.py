@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._options import add_answer, add_option
+from lightfield.commands._options import add_answer, add_option, trace_asked
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
@@ -57,14 +57,10 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.studies.working_range.study import working_range
 
     scene = with_array(scene, args.array, args.array_side, args.array_radius)
-    trace = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.source import response_for
-
-        trace = response_for
     with progress_of("range"):
         found = working_range(
-            scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
+            scene, trace_asked(args), readings,
+            share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
             **({} if args.max_photons is None else {"photons": args.max_photons}),
         )  # fmt: skip
     return answered(args, Range(found))

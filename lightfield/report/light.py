@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from lightfield.arrays import evenly
 from lightfield.maps.exr import write_rgb_exr
 from lightfield.render.picture import Picture, exposure, tone_mapped
 from lightfield.report.compare.figures import SHORT_UNITS
@@ -29,8 +30,8 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
         From `lightfield.maps.dataset.to_dataset`.
     """
     quantity = dataset.attrs["quantity"]
-    planes = _some(dataset.sizes["z_m"], 3 if narrow else 5)
-    waves = _some(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
+    planes = evenly(dataset.sizes["z_m"], 3 if narrow else 5)
+    waves = evenly(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
     values = dataset[quantity].values
     x, y = dataset.x_m.values, dataset.y_m.values
     wide = 0.5 * float(np.diff(x).mean()) if x.size > 1 else 0.5
@@ -79,10 +80,6 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
             words += [f"{shown_} of {there} {name}"] if shown_ < there else []
         fig.supxlabel(("\n" if narrow else "; ").join(words), fontsize=9, color=MUTED)
     return fig
-
-
-def _some(count: int, most: int) -> list[int]:
-    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
 
 
 def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:

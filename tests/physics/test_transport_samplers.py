@@ -14,11 +14,12 @@ from beams import aside, ies
 from montecarlo import chi_square_p, normal_scores
 from scipy import stats
 
-from lightfield.render.backend import use_backend
 from lightfield.render.tracer.emission import Emission
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.water.phase.of_scene import parse_phase
+
+pytestmark = pytest.mark.usefixtures("backend")
 
 SAMPLES = 1 << 20
 PHASES: dict[str, dict[str, Any]] = {
@@ -36,12 +37,6 @@ PHASES: dict[str, dict[str, Any]] = {
 }
 # And Mitsuba's own Henyey-Greenstein function, which the tracer uses where it can.
 PLUGINS = [*((name, False) for name in PHASES), ("hg 0.924", True), ("hg 0.98", True)]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def backend() -> None:
-    """Mitsuba's variant, and our plugins in it."""
-    use_backend()
 
 
 def uniform(rng: np.random.Generator) -> Any:

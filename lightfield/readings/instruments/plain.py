@@ -57,9 +57,9 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     problems = Problems(document.where)
     table = find_table(document.lines, problems)
     if table is None:
-        problems.add("there are no columns of numbers", remedy="export it as text")
-        problems.raise_any("not a usable file of columns")
-        raise AssertionError  # not reached
+        problems.refuse(
+            "not a usable file of columns", "there are no columns of numbers", remedy="export it as text"
+        )
     across = table.across()
     if across and not mapping:
         return _across(document, table, across, problems)

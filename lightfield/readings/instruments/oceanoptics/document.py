@@ -177,13 +177,12 @@ def spectrum(
     """
     header = document.header
     if block is None or not block.lines:
-        problems.add(
+        problems.refuse(
+            f"not a usable {name} file",
             "there are no spectral data",
             rule="numbers behind a line like >>>>>Begin ... Data<<<<<",
             remedy="export it again",
         )
-        problems.raise_any(f"not a usable {name} file")
-        raise AssertionError  # not reached
     table = block_numbers(block, 1 + len(columns), problems)
     wavelength = table[:, 0]
     _check_axis(wavelength, block, header, problems)
