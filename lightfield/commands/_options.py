@@ -105,9 +105,7 @@ def add_option(parser: _ActionsContainer, name: str, default: object = None) -> 
 
 def effects_asked(args: Namespace) -> list[str]:
     """The names of `--effects`."""
-    from lightfield.api.given import named
-
-    if names := named(args.effects):
+    if names := [one.strip() for one in args.effects.split(",") if one.strip()]:
         return names
     raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
 

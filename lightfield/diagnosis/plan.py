@@ -42,7 +42,7 @@ from lightfield.diagnosis.verdict.advice import (
     possible_places,
 )
 from lightfield.diagnosis.verdict.calibration import power_limits
-from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.diagnosis.verdict.estimates import units_of
 from lightfield.diagnosis.verdict.speech import in_unit
 from lightfield.errors import FitError
 from lightfield.fitting import effects

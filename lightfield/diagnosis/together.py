@@ -36,7 +36,7 @@ from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import whitened_test
-from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.diagnosis.verdict.estimates import units_of
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource

@@ -87,13 +87,13 @@ def over_band(lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | No
     inner = knots_nm(lamp)
     weighed = detector is not None and detector.response is not None
     if detector is not None and weighed:
-        inner = np.concatenate([inner, detector.seen.knots_nm])
+        inner = np.concatenate([inner, detector.spectral_response.knots_nm])
     ends = np.unique(np.concatenate([edges, inner[(inner > low_nm) & (inner < high_nm)]]))
     half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
     at = middle[:, None] + half[:, None] * _NODES
     power = axial_intensity(lamp, at) * _WEIGHTS * half[:, None]
     if detector is not None and weighed:
-        response = detector.seen.at(at)
+        response = detector.spectral_response.at(at)
         mean = (response * _WEIGHTS * half[:, None]).sum() / (high_nm - low_nm)
         power = power * response / mean
     part = np.clip(np.searchsorted(edges, middle) - 1, 0, PIECES - 1)

@@ -183,7 +183,7 @@ class Detector(Part):
     )
 
     @property
-    def seen(self) -> Response:
+    def spectral_response(self) -> Response:
         """What its response makes of light over wavelength."""
         return Response(self.response, self.response_table)
 
@@ -212,8 +212,8 @@ class Detector(Part):
         if self.response is None:
             return
         for low, high in self.bands_nm:
-            inside = [at for at in self.seen.knots_nm.tolist() if low < at < high]
-            if not self.seen.at([low, 0.5 * (low + high), high, *inside]).max() > 0:
+            inside = [at for at in self.spectral_response.knots_nm.tolist() if low < at < high]
+            if not self.spectral_response.at([low, 0.5 * (low + high), high, *inside]).max() > 0:
                 raise RuleError(
                     f"the response sees nothing of the band [{low:g}, {high:g}]",
                     "correct response or bands_nm",

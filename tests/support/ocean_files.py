@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lightfield.readings import text
-from lightfield.readings.instruments.formats import parse_spectrum
+from lightfield.readings.instruments.formats import _text
 from lightfield.readings.instruments.oceanoptics import jaz, jaz_irradiance, oceanview, spectrasuite
+from lightfield.readings.instruments.oceanoptics.document import take_apart
 from lightfield.readings.instruments.spectrum import Spectrum
 
 WAVELENGTH = np.round(400 + 0.75 * np.arange(40), 2)
@@ -95,7 +96,7 @@ FORMATS = {
 
 def parse(content: str | bytes) -> Spectrum:
     data = content if isinstance(content, bytes) else content.encode()
-    return parse_spectrum(text.decode(data, "test.txt"), "test.txt")
+    return _text(take_apart(text.decode(data, "test.txt"), "test.txt"), data)[0]
 
 
 def text_of(name: str) -> str:

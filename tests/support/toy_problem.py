@@ -194,3 +194,10 @@ def waves(lay: Layout) -> dict[str, np.ndarray]:
         "dusk": 3 * time * lay.x_m,
         "rows": np.cos(2 * lay.x_m) * np.sin(2 * lay.z_m),
     }
+
+
+def toy(low: float = -1e3, lay: Layout | None = None, **more: np.ndarray) -> Toy:
+    """A candidate for each of `waves`, and for each column more."""
+    lay = layout() if lay is None else lay
+    columns = {**waves(lay), **more}
+    return Toy.of([candidate(name, low) for name in columns], columns, lay)

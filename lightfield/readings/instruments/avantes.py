@@ -34,13 +34,7 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> Spectrum:
-    """Read it.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """Read it."""
     problems = Problems(document.where)
     table = find_table(document.lines, problems)
     if table is None:

@@ -12,14 +12,15 @@ from lightfield.readings.instruments import avantes, hyperocr, par, plain, ramse
 from lightfield.readings.instruments.oceanoptics import jaz, jaz_irradiance, oceanview, procspec, spectrasuite
 from lightfield.readings.instruments.oceanoptics.document import Document, take_apart
 from lightfield.readings.instruments.spectrum import Spectrum
-from lightfield.readings.text import Text, decode
+from lightfield.readings.text import decode
 from lightfield.storage.inputs import SPECTRUM, read_bytes
 
 #: Some programs pad names with zeros; of more than one in so many bytes a text is none.
 MOST_PADDING = 20
 #: Readers of bytes: `claims(data)` and `read(data, where)`.
 BINARY: tuple[ModuleType, ...] = (procspec, hyperocr)
-#: Readers of text: `claims(document)` and `read(document)`. The more particular first.
+#: Readers of text: `claims(document)` and `read(document)`, which raises MeasurementError with all problems
+#: of the file and their lines. The more particular first.
 READERS: tuple[ModuleType, ...] = (
     seabass, ramses, avantes, jaz_irradiance, jaz, oceanview, spectrasuite, par, plain,
 )  # fmt: skip
@@ -61,11 +62,6 @@ def read_spectra(path: str | Path, mapping: Mapping[str, str] | None = None) -> 
     if mapping:
         return tuple(plain.read(document, mapping))
     return _text(document, data)
-
-
-def parse_spectrum(content: Text, where: str) -> Spectrum:
-    """The first spectrum from the lines of a file; see `read_spectra`."""
-    return _text(take_apart(content, where), "\n".join(content.lines).encode())[0]
 
 
 def unknown_archive(data: bytes) -> bool:

@@ -36,13 +36,7 @@ def _columns(table: NumberBlock) -> list[int]:
 
 
 def read(document: Document) -> list[Spectrum]:
-    """One number for the band of each row; the column's name is the label.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """One number for the band of each row; the column's name is the label."""
     problems = Problems(document.where)
     table = find_table(document.lines, problems)
     chosen = _columns(table) if table is not None else []

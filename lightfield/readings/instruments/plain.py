@@ -48,11 +48,6 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     ----------
     mapping : mapping of str to str, optional
         Which column is what (of MEANINGS), by its name or number from 1; the others are left aside.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
     """
     problems = Problems(document.where)
     table = find_table(document.lines, problems)

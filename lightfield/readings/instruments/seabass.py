@@ -27,13 +27,7 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> list[Spectrum]:
-    """The spectra of a SeaBASS file: the rows of fields with wavelengths in their names, or columns.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """The spectra of a SeaBASS file: the rows of fields with wavelengths in their names, or columns."""
     problems = Problems(document.where)
     header, end = _header(document.lines, problems)
     names = [name.strip() for name in header.get("fields", "").split(",")]

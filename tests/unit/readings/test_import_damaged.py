@@ -9,7 +9,7 @@ from ocean_files import FORMATS, begin, parse, text_of
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import text
-from lightfield.readings.instruments.formats import parse_spectrum
+from lightfield.readings.instruments.formats import _text
 from lightfield.readings.instruments.oceanoptics.document import take_apart
 
 
@@ -18,7 +18,7 @@ def check_fuzzed(data: bytes) -> None:
         content = text.decode(data, "fuzz.txt")
     except MeasurementError:
         return
-    for read in (lambda: parse_spectrum(content, "f"), *(
+    for read in (lambda: _text(take_apart(content, "f"), data)[0], *(
         lambda m=module: m.read(take_apart(content, "f")) for _, module in FORMATS.values()
     )):  # fmt: skip
         try:

@@ -144,7 +144,7 @@ def _places(scene: Scene) -> Any:
 
 
 OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
-    Acts.POWER: lambda s: [spectral_power(s.lamp, WAVELENGTHS), s.detector.seen.at(WAVELENGTHS)],
+    Acts.POWER: lambda s: [spectral_power(s.lamp, WAVELENGTHS), s.detector.spectral_response.at(WAVELENGTHS)],
     Acts.TIME: lambda s: time_factor(s, np.array([0.0, 300.0, 3000.0])),
     Acts.BEAM: _beam,
     Acts.SOURCE: _source,

@@ -21,7 +21,8 @@ from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared, bench
 from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.verdict.compose import Found, estimates, kind_of, verdict_of
+from lightfield.diagnosis.verdict.compose import Found, kind_of, verdict_of
+from lightfield.diagnosis.verdict.estimates import estimates
 from lightfield.diagnosis.verdict.found import left
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, LeftOver, Reason
