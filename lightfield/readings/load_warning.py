@@ -51,6 +51,7 @@ class LoadWarning:
 
     Parameters
     ----------
+    code : Remarks
     values : mapping
         Numbers and names that it rests on, as its words call them.
     """

@@ -24,6 +24,7 @@ class Assumed:
 
     Parameters
     ----------
+    term : Term
     value : float
         What was taken instead, in the term's unit; of standard errors, whose scale is estimated, per cent of
         the reading.

@@ -42,6 +42,7 @@ class Hindrance:
 
     Parameters
     ----------
+    hinders : Hinders
     profile : str, optional
         The lamp's, where its light cannot be followed.
     cells, most : int, optional
