@@ -16,7 +16,7 @@ from lightfield.readings.load_warning import LoadWarning
 
 @dataclass(frozen=True, eq=False)
 class Unchecked:
-    """A table of readings; nan where a number is not known.
+    """Detector readings; nan where a number is not known.
 
     Parameters
     ----------
@@ -36,6 +36,7 @@ class Unchecked:
         Number of the repeat at this position; of the stay at this plane.
     saturated : array of bool, shape (n,)
         Saturated in the file or at least `budget.saturation_level`: a lower bound, not a value.
+    budget : ErrorBudget
     quantity : str
         One of QUANTITIES, or "" when the table does not say.
     scale : str
@@ -48,6 +49,7 @@ class Unchecked:
         Head entries that lightfield does not use.
     extra : dict of str to array of str, shape (n,)
         Columns that lightfield does not use, as text.
+    warnings : tuple of LoadWarning
     warnings : tuple of LoadWarning
     line : array of int, shape (n,), optional
         Line of `source` that each reading stands in.
