@@ -50,7 +50,6 @@ class Unchecked:
     extra : dict of str to array of str, shape (n,)
         Columns that lightfield does not use, as text.
     warnings : tuple of LoadWarning
-    warnings : tuple of LoadWarning
     line : array of int, shape (n,), optional
         Line of `source` that each reading stands in.
     of_band : bool
