@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
-
-if TYPE_CHECKING:
-    from lightfield.scene.water.water import Water
+from lightfield.scene.water.water import Water
 
 _SECONDS = 3600.0
 

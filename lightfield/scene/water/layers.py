@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import integral_to, value_at
 from lightfield.scene.parameters import switched_off
-
-if TYPE_CHECKING:
-    from lightfield.scene.water.water import Water
+from lightfield.scene.water.water import Water
 
 
 def is_layered(water: Water) -> bool:
