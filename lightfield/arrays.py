@@ -1,4 +1,4 @@
-"""The one name for an array of floating point numbers, and how numbers become JSON, which has no infinity."""
+"""The one name for an array of floating point numbers, a few of many, and numbers as JSON holds them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,11 @@ Mask = NDArray[np.bool_]
 def finite(value: float) -> float | None:
     """The number; None where it is none, or infinite."""
     return float(value) if math.isfinite(value) else None
+
+
+def evenly(count: int, most: int) -> list[int]:
+    """Indices of at most so many, evenly chosen, the first and the last among them."""
+    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
 
 
 def jsonable(value: object) -> object:

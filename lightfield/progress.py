@@ -33,7 +33,6 @@ def tell(words: str, part: float) -> None:
 
     Parameters
     ----------
-    words : str
     part : float
         What is done of it, 0 to 1.
     """

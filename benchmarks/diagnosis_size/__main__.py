@@ -23,7 +23,8 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.formula.closed_form import direct_field

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -73,10 +72,10 @@ class Survey(OverAxes[survey.Survey], ToldByDetails[survey.Survey]):
         """Standard deviations over the formation space, dimensions (z_m, x_m), m and rad."""
         return self.details.space
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.follower.page import write_survey
+    def _page(self) -> str:
+        from lightfield.report.follower.page import survey_page
 
-        return write_survey(self.details, path)
+        return survey_page(self.details)
 
 
 class Arrays(ToldByDetails[design.Arrays]):
@@ -112,10 +111,10 @@ class Arrays(ToldByDetails[design.Arrays]):
         ]
         return pd.DataFrame(rows)
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.follower.page import write_arrays
+    def _page(self) -> str:
+        from lightfield.report.follower.page import arrays_page
 
-        return write_arrays(self.details, path)
+        return arrays_page(self.details)
 
 
 @checked

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -54,10 +53,10 @@ class Attenuation(Result[attenuating.Attenuation]):
         names = ["attenuation", "attenuation_stderr", "percent_per_metre", "percent_per_metre_stderr"]
         return self.to_xarray()[names].to_dataframe().reset_index()
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.attenuation.page import write_attenuation
+    def _page(self) -> str:
+        from lightfield.report.attenuation.page import attenuation_page
 
-        return write_attenuation(self.details, path)
+        return attenuation_page(self.details)
 
 
 @told_in_notebook("attenuation")

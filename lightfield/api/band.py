@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from os import fspath
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -58,10 +57,10 @@ class Band(OverAxes[bands.Bands]):
 
         return pd.DataFrame([asdict(best) for best in self.details.best])
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.band import write_band
+    def _page(self) -> str:
+        from lightfield.report.band import band_page
 
-        return write_band(self.details, path)
+        return band_page(self.details)
 
 
 @told_in_notebook("band")

@@ -91,10 +91,10 @@ class Diagnosis(Result[diagnosing.Diagnosis]):
         rows = [rung.model_dump(include=LADDER) for rung in self.verdict.ladder]
         return pd.DataFrame(rows).dropna(axis="columns", how="all")
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.diagnosis.page import write_diagnosis
+    def _page(self) -> str:
+        from lightfield.report.diagnosis.page import diagnosis_page
 
-        return write_diagnosis(view_of(self.details), path)
+        return diagnosis_page(view_of(self.details))
 
     def save(self, folder: AnyPath) -> Diagnosis:
         """Write verdict, one scene per rung and fitted curves, and add the run to the folder's ledger.
@@ -219,10 +219,10 @@ class Plan(Result[planning.LayoutPlan]):
             coords={"true": names, "fitted": names},
         )
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.result import write_result
+    def _page(self) -> str:
+        from lightfield.report.result import result_page
 
-        return write_result(self, path, "What the layout can tell")
+        return result_page(self, "What the layout can tell")
 
 
 class Together(ToldByDetails[Certainty]):
@@ -247,10 +247,10 @@ class Together(ToldByDetails[Certainty]):
         columns = ["effect", "sigma_to_remove", "gap", "chance_of_certain", "level"]
         return pd.DataFrame(self.as_data()["effects"])[columns]
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.together import write_together
+    def _page(self) -> str:
+        from lightfield.report.together import together_page
 
-        return write_together(self.details, path)
+        return together_page(self.details)
 
 
 @checked

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lightfield.api.array import PHOTONS
@@ -63,10 +62,10 @@ class Following(ToldByDetails[study.Following]):
         ]
         return pd.DataFrame(rows)
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.follower.follow_page import write_following
+    def _page(self) -> str:
+        from lightfield.report.follower.follow_page import following_page
 
-        return write_following(self.details, path)
+        return following_page(self.details)
 
 
 @checked

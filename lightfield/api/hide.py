@@ -76,10 +76,10 @@ class Riddle(Result[hiding.Hidden]):
         """The table of readings."""
         return self.details.readings.to_pandas()
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.result import write_result
+    def _page(self) -> str:
+        from lightfield.report.result import result_page
 
-        return write_result(self, path, "A riddle", scene_toml=self.details.believed.to_toml())
+        return result_page(self, "A riddle", scene_toml=self.details.believed.to_toml())
 
     def save(self, folder: AnyPath) -> Path:
         """Write scene.toml and data.csv, and beside them truth.json, which says what was hidden.

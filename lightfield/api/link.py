@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,10 +64,10 @@ class Link(OverAxes[linking.Link]):
         reaches = self.details.reaches.items()
         return pd.DataFrame([{"water": name, **asdict(reach)} for name, reach in reaches])
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.link import write_link
+    def _page(self) -> str:
+        from lightfield.report.link import link_page
 
-        return write_link(self.details, path)
+        return link_page(self.details)
 
 
 @checked

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,10 +58,10 @@ class Poses(ToldByDetails[sequence.Poses]):
             rows.append(row)
         return pd.DataFrame(rows, columns=list(dict.fromkeys(["time_s", "status", *units, *_keys(rows)])))
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.follower.pose_page import write_poses
+    def _page(self) -> str:
+        from lightfield.report.follower.pose_page import poses_page
 
-        return write_poses(self.details, path)
+        return poses_page(self.details)
 
 
 def _keys(rows: Sequence[dict[str, Any]]) -> list[str]:
@@ -96,10 +95,10 @@ class Bias(OverAxes[biases.BiasStudy], ToldByDetails[biases.BiasStudy]):
         """Bias and spread over (scattering_per_m, calibration, z_m), m and rad."""
         return self.details.axis
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.follower.pose_page import write_bias
+    def _page(self) -> str:
+        from lightfield.report.follower.pose_page import bias_page
 
-        return write_bias(self.details, path)
+        return bias_page(self.details)
 
 
 @checked

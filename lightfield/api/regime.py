@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -61,12 +60,11 @@ class Regime(OverAxes[xr.Dataset]):
         head = ["receiver", "albedo", "within 5 %", "within 10 %", "within 25 %"]
         return pd.DataFrame(regimes.rows(self.details), columns=head)
 
-    def report(self, path: AnyPath) -> Path:
+    def _page(self) -> str:
         from lightfield.report.regime import regime_figure
-        from lightfield.report.result import write_result
+        from lightfield.report.result import result_page
 
-        wide, narrow = regime_figure(self.details), regime_figure(self.details, narrow=True)
-        return write_result(self, path, "Where the formula holds", [wide], narrow=[narrow])
+        return result_page(self, "Where the formula holds", regime_figure)
 
 
 @checked

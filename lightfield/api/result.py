@@ -82,6 +82,9 @@ class Result(ABC, Generic[Details]):
         return self.to_pandas().to_xarray()
 
     @abstractmethod
+    def _page(self) -> str:
+        """A self-contained page."""
+
     def report(self, path: str | PathLike[str]) -> Path:
         """Write a self-contained page.
 
@@ -95,6 +98,9 @@ class Result(ABC, Generic[Details]):
         OutputError
             The file cannot be written.
         """
+        from lightfield.report.page import write_page
+
+        return write_page(self._page(), path)
 
     def summary(self) -> pd.DataFrame:
         """The few rows that a notebook shows."""

@@ -87,19 +87,11 @@ class Sweep(Result[xr.Dataset]):
         small = [name for name in data if _CELLS.isdisjoint(data[name].dims)]
         return data[small].to_dataframe().reset_index()
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.result import write_result
-        from lightfield.report.sweep import formula_figure, profiles_figure, tiles_figure
+    def _page(self) -> str:
+        from lightfield.report.result import result_page
+        from lightfield.report.sweep import figures_of
 
-        wide, narrow = (
-            [
-                one
-                for draw in (profiles_figure, formula_figure, tiles_figure)
-                if (one := draw(self.details, one_a_row)) is not None
-            ]
-            for one_a_row in (False, True)
-        )
-        return write_result(self, path, "Sweep", wide, narrow=narrow)
+        return result_page(self, "Sweep", *figures_of(self.details).values())
 
 
 @checked

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
@@ -61,10 +60,10 @@ class Range(OverAxes[ranging.WorkingRange]):
             {"name": reach.name, "rule": rules[reach.name], **asdict(reach)} for reach in self.details.reaches
         ])  # fmt: skip
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.working_range import write_range
+    def _page(self) -> str:
+        from lightfield.report.working_range import range_page
 
-        return write_range(self.details, path)
+        return range_page(self.details)
 
 
 @told_in_notebook("range")

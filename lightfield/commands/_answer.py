@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from lightfield.arrays import jsonable
 from lightfield.storage.files import atomic_path, output_file
+
+if TYPE_CHECKING:
+    from lightfield.api.result import Result
 
 
 def outputs_of(args: Namespace, *inputs: Path | None, also: Path | None = None) -> None:
@@ -18,16 +22,26 @@ def outputs_of(args: Namespace, *inputs: Path | None, also: Path | None = None) 
         output_file(file, *filter(None, inputs), *outputs[:k])
 
 
-def show_answer(args: Namespace, text: str, data: Callable[[], object]) -> None:
+def answered(args: Namespace, answer: Result[Any], warnings: Iterable[object] = ()) -> int:
+    """Print, and write to `--json` and `--report`; 0, as a command returns that has its answer."""
+    show_answer(args, answer, warnings)
+    show_page(args, answer)
+    return 0
+
+
+def show_answer(args: Namespace, answer: Result[Any], warnings: Iterable[object] = ()) -> None:
     """Print what it says to people, and write what it says to programs, for `--json`."""
-    print(text)
+    print(answer.as_text())
+    for warning in warnings:
+        print(f"warning: {warning}")
     if args.json:
-        write_json(data(), args.json)
+        write_json(answer.as_data(), args.json)
 
 
-def show_page(page: Path) -> None:
-    """Print where the page of `--report` lies."""
-    print(f"report: {page.resolve()}")
+def show_page(args: Namespace, answer: Result[Any]) -> None:
+    """Write its page, for `--report`, and print where that lies."""
+    if args.report:
+        print(f"report: {answer.report(args.report).resolve()}")
 
 
 def write_json(data: object, path: Path) -> None:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from argparse import Namespace, _ActionsContainer
     from typing import Any
 
+    from lightfield.fitting.diffuse_light import DiffuseSource
+
 
 def seed_number(text: str) -> int:
     """Seed of random numbers."""
@@ -100,6 +102,22 @@ def add_option(parser: _ActionsContainer, name: str, default: object = None) -> 
     option = dict(OPTIONS[name])
     shown = f"{default:g}" if isinstance(default, float) else default
     parser.add_argument(name, **option | {"help": option["help"].format(shown)})
+
+
+def effects_asked(args: Namespace) -> list[str]:
+    """The names of `--effects`."""
+    if names := [one.strip() for one in args.effects.split(",") if one.strip()]:
+        return names
+    raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
+
+
+def trace_asked(args: Namespace) -> DiffuseSource | None:
+    """What gives scattered and reflected light; None with `--no-trace`."""
+    if args.no_trace:
+        return None
+    from lightfield.render.diffuse.source import response_for
+
+    return response_for
 
 
 def add_tracing(parser: _ActionsContainer, rel_error: float, max_photons: float) -> None:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from lightfield.commands._answer import outputs_of, show_answer, show_page
+from lightfield.commands._answer import answered, outputs_of
 from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
 from lightfield.commands._options import add_answer
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-
-if TYPE_CHECKING:
-    from lightfield.studies.follower.design import Arrays
 
 #: Name of the array that `optimise` finds.
 BEST = "the best found"
@@ -73,19 +69,16 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _show(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.api.array import Survey
     from lightfield.studies.follower.survey import survey
 
     with progress_of("array"):
         found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
-    show_answer(args, found.as_text(), found.as_data)
-    if args.report:
-        from lightfield.report.follower.page import write_survey
-
-        show_page(write_survey(found, args.report))
-    return 0
+    return answered(args, Survey(found))
 
 
 def _compare(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.api.array import Arrays
     from lightfield.studies.follower.design import compare_arrays
 
     others: dict[str, Scene] = {}
@@ -101,10 +94,11 @@ def _compare(scene: Scene, args: argparse.Namespace) -> int:
     space = space_of(scene, args)
     with progress_of("array"):
         found = compare_arrays(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
-    return _compared(found, args)
+    return answered(args, Arrays(found))
 
 
 def _optimise(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.api.array import Arrays
     from lightfield.studies.follower.design import Mounting, optimise_array
 
     for name, value, low, high in (
@@ -129,13 +123,4 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
         best = next(one for one in found.arrays if one.name == BEST)
         with atomic_path(args.table) as temporary:
             temporary.write_text(best.elements.as_csv(), encoding="utf-8")
-    return _compared(found, args)
-
-
-def _compared(found: Arrays, args: argparse.Namespace) -> int:
-    show_answer(args, found.as_text(), found.as_data)
-    if args.report:
-        from lightfield.report.follower.page import write_arrays
-
-        show_page(write_arrays(found, args.report))
-    return 0
+    return answered(args, Arrays(found))

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 
 from lightfield.commands._answer import outputs_of, show_answer, show_page
-from lightfield.commands._options import add_answer, add_option
+from lightfield.commands._options import add_answer, add_option, trace_asked
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
@@ -49,24 +48,17 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     tables = [read_table(path) for path in args.readings]
     outputs_of(args, *args.readings, *args.scene, also=args.output)
+    from lightfield.api.attenuation import Attenuation
     from lightfield.studies.attenuation.study import attenuation
-    from lightfield.studies.attenuation.text import as_data, as_text
 
     in_air = True if args.air else False if args.no_air else None
-    trace = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.source import response_for
-
-        trace = response_for
     with progress_of("attenuation"):
-        found = attenuation(tables, scenes, trace, in_air)
-    show_answer(args, as_text(found), partial(as_data, found))
+        found = attenuation(tables, scenes, trace_asked(args), in_air)
+    answer = Attenuation(found)
+    show_answer(args, answer)
     if args.output:
         from lightfield.maps.dataset import write_netcdf
 
         print(write_netcdf(found.apparent[0].dataset(), args.output))
-    if args.report:
-        from lightfield.report.attenuation.page import write_attenuation
-
-        show_page(write_attenuation(found, args.report))
+    show_page(args, answer)
     return 0

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 
-from lightfield.commands._answer import outputs_of, show_answer, show_page
+from lightfield.commands._answer import answered, outputs_of
 from lightfield.commands._options import add_answer, add_option, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -50,7 +49,8 @@ def run(args: argparse.Namespace) -> int:
     if len(between) != 2:
         raise UsageError("not a range", where="--between", found=args.between, rule="LOW:HIGH in nm")
     outputs_of(args, args.scene, args.response)
-    from lightfield.studies.band import CountNoise, as_data, as_text, best_band
+    from lightfield.api.band import Band
+    from lightfield.studies.band import CountNoise, best_band
 
     noise = CountNoise(args.electrons, args.read_noise, args.mismatch)
     with progress_of("band"):
@@ -59,12 +59,7 @@ def run(args: argparse.Namespace) -> int:
             high_nm=between[1], response=None if args.response is None else str(args.response),
             **(DEFAULTS | given(args)),
         )  # fmt: skip
-    show_answer(args, as_text(found), partial(as_data, found))
-    if args.report:
-        from lightfield.report.band import write_band
-
-        show_page(write_band(found, args.report))
-    return 0
+    return answered(args, Band(found))
 
 
 def _numbers(text: str, separator: str, where: str) -> list[float]:

@@ -8,9 +8,8 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from lightfield.api.given import named
 from lightfield.commands._answer import outputs_of
-from lightfield.commands._options import add_option
+from lightfield.commands._options import add_option, effects_asked
 from lightfield.commands._progress import stage_line
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
@@ -61,11 +60,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
         raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
-    names = None
-    if args.effects is not None:
-        names = named(args.effects)
-        if not names:
-            raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
+    names = None if args.effects is None else effects_asked(args)
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.data, scene)
     outputs_of(args, args.data, args.scene, args.effects_file)
@@ -114,12 +109,11 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
         with atomic_path(args.json) as temporary:
             temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
     if args.report:
-        from lightfield.report.diagnosis.drawn import view_of
-        from lightfield.report.diagnosis.page import write_diagnosis
+        from lightfield.api.diagnosis import Diagnosis
 
         sys.stdout.flush()  # the verdict first: the page fits its rivals to each other, and may take as long
         with stage_line("the page: how far explanations are apart"):
-            page = write_diagnosis(view_of(found), args.report).resolve()
+            page = Diagnosis(found).report(args.report).resolve()
         print(f"report: {page}")
     return 0
 

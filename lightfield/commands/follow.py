@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, write."""
+    from lightfield.api.following import Following
     from lightfield.studies.following.study import BELIEFS, follow, with_belief
 
     scenes: dict[str, Scene] = {}
@@ -77,14 +78,12 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))
     with progress_of("follow"):
         found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
-    show_answer(args, found.as_text(), found.as_data)
+    answer = Following(found)
+    show_answer(args, answer)
     if args.track:
         with atomic_path(args.track) as temporary:
             found.cases[0].dataset().to_netcdf(temporary, engine="netcdf4")
-    if args.report:
-        from lightfield.report.follower.follow_page import write_following
-
-        show_page(write_following(found, args.report))
+    show_page(args, answer)
     return 0
 
 
@@ -121,7 +120,8 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
         if args.json:
             write_json(as_data(data), args.json)
         if args.report:
-            from lightfield.report.follower.follow_page import write_follow_sweep
+            from lightfield.report.follower.follow_page import follow_sweep_page
+            from lightfield.report.page import write_page
 
-            show_page(write_follow_sweep(data, args.report))
+            print(f"report: {write_page(follow_sweep_page(data), args.report).resolve()}")
     return 1 if done.failed else 0

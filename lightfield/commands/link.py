@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 
-from lightfield.commands._answer import outputs_of, show_answer, show_page
+from lightfield.commands._answer import answered, outputs_of
 from lightfield.commands._options import add_answer, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -59,19 +58,14 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene)
     waters = _waters(args.water) or None
     outputs_of(args, args.scene)
+    from lightfield.api.link import Link
     from lightfield.studies.link.receiver import Receiver
     from lightfield.studies.link.study import link
-    from lightfield.studies.link.text import as_data, as_text
 
     receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
     with progress_of("link"):
         found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
-    show_answer(args, as_text(found), partial(as_data, found))
-    if args.report:
-        from lightfield.report.link import write_link
-
-        show_page(write_link(found, args.report))
-    return 0
+    return answered(args, Link(found))
 
 
 def _waters(texts: list[str]) -> dict[str, tuple[float, float]]:

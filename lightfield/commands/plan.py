@@ -6,9 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightfield.api.given import named
-from lightfield.commands._answer import outputs_of, show_page, write_json
-from lightfield.commands._options import add_option, assignment
+from lightfield.commands._answer import answered, outputs_of
+from lightfield.commands._options import add_option, assignment, effects_asked, trace_asked
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
@@ -49,46 +48,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Plan and print."""
-    from lightfield.diagnosis.plan import as_data, as_text, plan
+    from lightfield.api.diagnosis import Plan
+    from lightfield.diagnosis.plan import plan
 
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     layout = read_table(args.layout, scene, LAYOUT)
     outputs_of(args, args.layout, args.scene, args.effects_file)
     if args.effects is None and (args.size or args.report):
         raise UsageError("no effect is named", where="--size, --report", rule="with --effects A,B,...")
-    diffuse = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.source import response_for
-
-        diffuse = response_for
+    diffuse = trace_asked(args)
     if args.effects is not None:
         return _together(layout, scene, diffuse, args)
     with progress_of("plan"):
         made = plan(layout, scene, diffuse)
-    print(as_text(made))
-    for warning in layout.warnings:
-        print(f"warning: {warning}")
-    if args.json:
-        write_json(as_data(made), args.json)
-    return 0
+    return answered(args, Plan(made), layout.warnings)
 
 
 def _together(layout: Readings, scene: Scene, diffuse: DiffuseSource | None, args: argparse.Namespace) -> int:
     """Which of several effects would be certain."""
+    from lightfield.api.diagnosis import Together
     from lightfield.diagnosis.together import together
 
-    names = named(args.effects)
-    if not names:
-        raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
+    names = effects_asked(args)
     with progress_of("plan"):
         made = together(layout, scene, names, dict(map(assignment, args.size)), diffuse)
-    print(made.as_text())
-    for warning in layout.warnings:
-        print(f"warning: {warning}")
-    if args.json:
-        write_json(made.as_data(), args.json)
-    if args.report:
-        from lightfield.report.together import write_together
-
-        show_page(write_together(made, args.report))
-    return 0
+    return answered(args, Together(made), layout.warnings)

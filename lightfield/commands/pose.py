@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._answer import outputs_of, show_answer, show_page
+from lightfield.commands._answer import answered, outputs_of
 from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
 from lightfield.commands._options import add_answer
 from lightfield.commands._progress import progress_of
@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _estimate(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.api.pose import Poses
     from lightfield.studies.follower.sequence import poses_of
 
     outputs_of(args, args.scene, args.readings)
@@ -51,15 +52,11 @@ def _estimate(scene: Scene, args: argparse.Namespace) -> int:
             photons=photons_of(args),
             seed=args.seed or 0,
         )
-    show_answer(args, found.as_text(), found.as_data)
-    if args.report:
-        from lightfield.report.follower.pose_page import write_poses
-
-        show_page(write_poses(found, args.report))
-    return 0
+    return answered(args, Poses(found))
 
 
 def _bias(scene: Scene, args: argparse.Namespace) -> int:
+    from lightfield.api.pose import Bias
     from lightfield.studies.follower.bias import SCATTERING_PER_M, bias_study
 
     outputs_of(args, args.scene)
@@ -71,12 +68,7 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
         found = bias_study(
             scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0
         )
-    show_answer(args, found.as_text(), found.as_data)
-    if args.report:
-        from lightfield.report.follower.pose_page import write_bias
-
-        show_page(write_bias(found, args.report))
-    return 0
+    return answered(args, Bias(found))
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from functools import partial
 from pathlib import Path
 
-from lightfield.commands._answer import outputs_of, show_answer, show_page
-from lightfield.commands._options import add_answer, add_option
+from lightfield.commands._answer import answered, outputs_of
+from lightfield.commands._options import add_answer, add_option, trace_asked
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
@@ -53,24 +52,15 @@ def run(args: argparse.Namespace) -> int:
         )
     readings = read_table(args.readings, scene) if args.readings else None
     outputs_of(args, args.scene, args.readings)
+    from lightfield.api.working_range import Range
     from lightfield.studies.working_range.poses import with_array
     from lightfield.studies.working_range.study import working_range
-    from lightfield.studies.working_range.text import as_data, as_text
 
     scene = with_array(scene, args.array, args.array_side, args.array_radius)
-    trace = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.source import response_for
-
-        trace = response_for
     with progress_of("range"):
         found = working_range(
-            scene, trace, readings, share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
+            scene, trace_asked(args), readings,
+            share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
             **({} if args.max_photons is None else {"photons": args.max_photons}),
         )  # fmt: skip
-    show_answer(args, as_text(found), partial(as_data, found))
-    if args.report:
-        from lightfield.report.working_range import write_range
-
-        show_page(write_range(found, args.report))
-    return 0
+    return answered(args, Range(found))

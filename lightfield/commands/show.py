@@ -59,17 +59,11 @@ def _show(args: argparse.Namespace) -> int:
             "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
         )
     from lightfield.report.style import save_png
-    from lightfield.report.sweep import formula_figure, profiles_figure, tiles_figure
+    from lightfield.report.sweep import figures_of
 
     with locked_folder(args.output or args.store.with_name(f"{args.store.stem}-figures")) as folder:
-        for name, draw in (
-            ("profiles", profiles_figure),
-            ("formula", formula_figure),
-            ("maps", tiles_figure),
-        ):
-            figure = draw(data)
-            if figure is not None:
-                print(save_png(figure, folder / f"{name}.png"))
+        for name, draw in figures_of(data).items():
+            print(save_png(draw(data), folder / f"{name}.png"))
     return 0
 
 

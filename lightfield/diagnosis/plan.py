@@ -16,11 +16,12 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.assumed import Assumed
-from lightfield.diagnosis.problem.noise import Noise, Whitener
+from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable, in_words
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, following, scattering
 from lightfield.diagnosis.search.preparation import whitened_test
 from lightfield.diagnosis.search.told_apart import (
@@ -41,7 +42,7 @@ from lightfield.diagnosis.verdict.advice import (
     possible_places,
 )
 from lightfield.diagnosis.verdict.calibration import power_limits
-from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.diagnosis.verdict.estimates import units_of
 from lightfield.diagnosis.verdict.speech import in_unit
 from lightfield.errors import FitError
 from lightfield.fitting import effects

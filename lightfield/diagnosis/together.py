@@ -18,10 +18,11 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.expected import LIKELY, Expected, Together
 from lightfield.diagnosis.plan import planned
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.noise import Noise, Whitener
+from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.pool.evidence import (
     GAP,
     NAMED_GAP,
@@ -35,7 +36,7 @@ from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import whitened_test
-from lightfield.diagnosis.verdict.compose import units_of
+from lightfield.diagnosis.verdict.estimates import units_of
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource

@@ -68,7 +68,6 @@ class Hidden:
 
     Parameters
     ----------
-    readings : Readings
     believed : Scene
         What the experimenter knows.
     truth : mapping

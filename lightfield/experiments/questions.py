@@ -15,7 +15,6 @@ class Question:
 
     Parameters
     ----------
-    name : str
     text : str
         The question.
     form : str

@@ -12,10 +12,11 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout, layout_of
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.preparation import bench, prepare_problem
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.errors import FitError
@@ -47,10 +48,8 @@ class Experiment:
         As it was given.
     readings : Readings
         What the model is held against: data, or the render of the scene at some places of the maps.
-    has_data : bool
     problem : Problem
         Its scene has every effect off that can be switched.
-    whiten : Whitener
     phi : float
         Variance of the noise over that of `whiten`.
     sigma : array, shape (n,)
@@ -61,7 +60,6 @@ class Experiment:
         Values of the effects that the scene itself has, by path.
     maps : tuple of SceneForward
         The same model at the places of the maps, at each wavelength that was read.
-    places : MapPlaces
     gain : float, optional
         Of the render that takes the place of readings.
     assumed : tuple of Assumed
@@ -124,8 +122,6 @@ def explored(
 
     Parameters
     ----------
-    scene : Scene
-    readings : Readings, optional
     diffuse : "trace", None or callable
         As `lightfield.diagnosis.diagnose.diagnose` takes it.
     dense_per_m : float, optional, m^-1

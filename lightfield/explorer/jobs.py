@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.diagnosis.verdict.found import found_words
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.diagnosis.verdict.words.effects import effect_size, level
 from lightfield.explorer.beside import Tell
 from lightfield.explorer.experiment import all_lit, explored
 from lightfield.readings import Readings
@@ -93,8 +93,8 @@ def verdict_data(v: Verdict) -> dict[str, object]:
             {
                 "name": _named([one.effect]),
                 "level": one.level,
-                "words": found_words.level(one),
-                "size": found_words.effect_size(one),
+                "words": level(one),
+                "size": effect_size(one),
                 "sigma": one.sigma_to_remove,
                 "rival": _named(one.rival),
                 "gap": one.gap,

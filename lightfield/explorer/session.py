@@ -33,8 +33,6 @@ class Session:
 
     Parameters
     ----------
-    scene : Scene
-    readings : Readings, optional
     diffuse : "trace", None or callable
         As `explored` takes it.
 

@@ -167,7 +167,6 @@ class Curves:
     ----------
     scene : Scene
         What it has of curves stays: those of a fit are added.
-    readings : Readings
     """
 
     def __init__(self, scene: Scene, readings: Readings) -> None:

@@ -96,7 +96,6 @@ class DiffuseLight:
     ----------
     scene : Scene
         With its lamp, as wide as `width_deg` says, photons are sent.
-    readings : Readings
     trace : callable, optional
         `response_for(scene, x_m, y_m, z_m, share=1.0, dense_per_m=None)`: traces once the scattered and
         reflected light, with that part of its photons, in clear water or one that scatters so much. None:

@@ -119,7 +119,6 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
     ----------
     forward : SceneForward
         Whose readings made the functions of the curves.
-    fit : Fit
     scale : float
         Variance of the readings in units of the whitening.
     """

@@ -25,7 +25,6 @@ class SceneForward:
     ----------
     scene : Scene
         Values that are not given to `predict` are the scene's.
-    readings : Readings
     diffuse : callable, optional
         Traces the scattered and reflected light, see `DiffuseLight`.
     full : float, optional

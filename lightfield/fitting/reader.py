@@ -29,9 +29,6 @@ class Reader:
 
     Parameters
     ----------
-    scenes : SceneOfValues
-    readings : Readings
-    gains : Gains
     full : float
         Reading that saturation is relative to.
     """

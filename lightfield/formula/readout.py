@@ -195,7 +195,6 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
         Gain x light, in units of readings in air.
     full : float, optional
         Largest reading of the measurement; absent, the largest of `signal` + background.
-    taken : Taken, optional
     """
     detector = scene.detector
     reading = np.asarray(signal, dtype=float)

@@ -25,7 +25,6 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
 
     Parameters
     ----------
-    scene : Scene
     place_m : array, shape (n, 3), m
         In front of the window plane; behind it there is none.
 

@@ -246,7 +246,6 @@ def plane_image(dataset: xr.Dataset, plane: int, common_scale: float | None = No
 
     Parameters
     ----------
-    dataset : xarray.Dataset
     plane : int
         Index along z_m.
     common_scale : float, optional

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.other_units import unit_warnings
-
-if TYPE_CHECKING:
-    from lightfield.readings.readings import Readings
+from lightfield.readings.unchecked import Unchecked
 
 #: Amplitude and attenuation take two of them, a third effect of distance leaves nothing to check.
 FEWEST_PLANES = 4
 
 
-def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
+def load_warnings(readings: Unchecked) -> tuple[LoadWarning, ...]:
     """What in this layout will hide effects or let them be mistaken for each other."""
     if not len(readings):
         return ()
@@ -58,7 +54,7 @@ def load_warnings(readings: Readings) -> tuple[LoadWarning, ...]:
     return tuple(found)
 
 
-def _of_time(readings: Readings, water: NDArray[np.bool_]) -> list[LoadWarning]:
+def _of_time(readings: Unchecked, water: NDArray[np.bool_]) -> list[LoadWarning]:
     time, z = readings.time_s[water], _place(readings.z_m[water])
     if np.isnan(time).any():
         return [LoadWarning(Remarks.NO_TIME)]

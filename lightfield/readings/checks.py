@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,16 @@ from lightfield.readings import units
 from lightfield.readings.columns import MEDIA, QUANTITIES, ROLES, SCALES, TERMS
 from lightfield.readings.other_units import unit_of_lengths
 from lightfield.readings.problems import Problems
+from lightfield.readings.unchecked import Unchecked
 
 if TYPE_CHECKING:
-    from lightfield.readings.readings import Readings
     from lightfield.scene import Scene, Tank
 
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
 #: No unit makes light so large a number; squares of much larger ones overflow.
 LARGEST = 1e30
+Given = TypeVar("Given", bound=Unchecked)
 _LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
 #: Instruments tell apart a millionth of full scale at best; one value so far beyond all others is a slip.
 LARGEST_STEP = 1e9
@@ -33,12 +34,11 @@ SMALLEST_ERROR = 1e-12
 EARLIEST_S, LATEST_S = -1e5, 1e11
 
 
-def check_values(readings: Readings, problems: Problems | None = None) -> None:
+def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
     """Refuse values that cannot be readings.
 
     Parameters
     ----------
-    readings : Readings
     problems : Problems, optional
         Where to note what is wrong; without it, MeasurementError is raised.
 
@@ -107,15 +107,15 @@ def check_values(readings: Readings, problems: Problems | None = None) -> None:
         noted.raise_any("not usable readings")
 
 
-def _problems(readings: Readings) -> Problems:
+def _problems(readings: Unchecked) -> Problems:
     return Problems(readings.source or "readings", "reading" if readings.line is None else "line")
 
 
-def _places(readings: Readings) -> list[int]:
+def _places(readings: Unchecked) -> list[int]:
     return list(range(1, len(readings) + 1)) if readings.line is None else [int(k) for k in readings.line]
 
 
-def _check_duplicates(readings: Readings, noted: Problems, lines: Sequence[int]) -> None:
+def _check_duplicates(readings: Unchecked, noted: Problems, lines: Sequence[int]) -> None:
     first: dict[tuple[object, ...], int] = {}
     numbers = [getattr(readings, n) for n in ("x_m", "y_m", "z_m", "wavelength_nm", "time_s", "repeat")]
     for k in range(len(readings)):
@@ -135,7 +135,7 @@ def _check_duplicates(readings: Readings, noted: Problems, lines: Sequence[int])
             first[key] = k
 
 
-def _check_head(readings: Readings, noted: Problems) -> None:
+def _check_head(readings: Unchecked, noted: Problems) -> None:
     if readings.quantity and readings.quantity not in QUANTITIES:
         place = noted.head.get("quantity")
         noted.add("unknown quantity", place=place, found=readings.quantity, rule=", ".join(QUANTITIES))
@@ -167,7 +167,7 @@ def _check_head(readings: Readings, noted: Problems) -> None:
         )
 
 
-def against_scene(readings: Readings, scene: Scene, problems: Problems | None = None) -> Readings:
+def against_scene(readings: Given, scene: Scene, problems: Problems | None = None) -> Given:
     """The readings with the scene's band filled in; see `Readings.check_against`."""
     bands = [(float(low), float(high)) for low, high in scene.detector.bands_nm]
     wavelength = readings.wavelength_nm
@@ -211,7 +211,7 @@ def against_scene(readings: Readings, scene: Scene, problems: Problems | None = 
     return replace(readings, wavelength_nm=wavelength, quantity=quantity, of_band=of_band)
 
 
-def _check_linear(readings: Readings, noted: Problems) -> None:
+def _check_linear(readings: Unchecked, noted: Problems) -> None:
     """Refuse decibels: by their unit, or because light is not negative, but for noise."""
     if _LOGARITHMIC.search(readings.units):
         noted.add(
@@ -229,7 +229,7 @@ def _check_linear(readings: Readings, noted: Problems) -> None:
         )
 
 
-def _check_slips(readings: Readings, noted: Problems, lines: Sequence[int]) -> None:
+def _check_slips(readings: Unchecked, noted: Problems, lines: Sequence[int]) -> None:
     """One number that is out of all proportion would drown all others in a fit."""
     size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
     next_largest = np.sort(size)[-2] if len(size) > 2 else 0.0
@@ -253,7 +253,7 @@ def _check_slips(readings: Readings, noted: Problems, lines: Sequence[int]) -> N
         )
 
 
-def _check_tank(readings: Readings, tank: Tank, noted: Problems, lines: Sequence[int]) -> None:
+def _check_tank(readings: Unchecked, tank: Tank, noted: Problems, lines: Sequence[int]) -> None:
     across, up, (_, end) = tank.box_m
     ends = {"x_m": across, "y_m": up, "z_m": (0.0, end)}
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.readings.load_warning import LoadWarning, Remarks
-
-if TYPE_CHECKING:
-    from lightfield.readings.readings import Readings
+from lightfield.readings.unchecked import Unchecked
 
 #: Parts of a metre, the larger first: readings reach over much of a tank, not over a hundredth of it.
 _LENGTHS = {"centimetres": 100.0, "millimetres": 1000.0}
@@ -44,12 +40,12 @@ def unit_of_lengths(values: Array, low_m: float, high_m: float) -> tuple[str, fl
     return None
 
 
-def unit_warnings(readings: Readings) -> list[LoadWarning]:
+def unit_warnings(readings: Unchecked) -> list[LoadWarning]:
     """Positions that are hardly in metres, and times that are hardly in seconds."""
     return [*_of_places(readings), *_of_times(readings)]
 
 
-def _of_places(readings: Readings) -> list[LoadWarning]:
+def _of_places(readings: Unchecked) -> list[LoadWarning]:
     far = {name: float(np.abs(getattr(readings, name)).max()) for name in ("x_m", "y_m", "z_m")}
     limit = {"x_m": min(_FAR_M, _ASIDE * far["z_m"]), "z_m": _FAR_M}
     limit["y_m"] = limit["x_m"]
@@ -60,7 +56,7 @@ def _of_places(readings: Readings) -> list[LoadWarning]:
     ]
 
 
-def _of_times(readings: Readings) -> list[LoadWarning]:
+def _of_times(readings: Unchecked) -> list[LoadWarning]:
     """By the speed at which the detector would have moved from place to place, and by how long it took."""
     known = np.flatnonzero(np.isfinite(readings.time_s))
     order = known[np.argsort(readings.time_s[known], kind="stable")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, NoReturn
 
 from lightfield.errors import SHOWN, MeasurementError, brief
 
@@ -90,6 +91,12 @@ class Problems:
             lines = self.lines()
             counted = f"{what}: {len(self.found)} problems" if len(lines) > 1 else what
             raise MeasurementError(counted, where=self.where, problems=lines)
+
+    def refuse(self, what: str, why: str, **about: Any) -> NoReturn:
+        """Note why the whole of it is of no use, as `add` takes it, and raise with all of them."""
+        self.add(why, **about)
+        self.raise_any(what)
+        raise AssertionError  # not reached
 
     def _line(self, problem: _Problem, places: Sequence[int]) -> str:
         parts = [problem.what]

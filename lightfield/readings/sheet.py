@@ -36,7 +36,6 @@ def read_sheet(
 
     Parameters
     ----------
-    lines : Text
     problems : Problems
         Takes what is wrong; rows that cannot be split are left out.
     known, required, numbers : sequence of str

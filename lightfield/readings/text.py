@@ -117,6 +117,14 @@ def decimal_mark(cells: Iterable[str]) -> str:
     return "," if comma else "."
 
 
+def number_or_nan(cell: str) -> float:
+    """A finite number, nan where it is none."""
+    try:
+        return parsed_number(cell)
+    except ValueError:
+        return float("nan")
+
+
 def parsed_number(cell: str, mark: str = ".") -> float:
     """A finite number.
 

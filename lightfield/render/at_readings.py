@@ -49,8 +49,6 @@ def rendered_light(
 
     Parameters
     ----------
-    scene : Scene
-    readings : Readings
     seed : int
         Other than that of the responses used in the fit.
     rel_error, max_photons : float

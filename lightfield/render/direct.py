@@ -31,7 +31,6 @@ def direct_at(
 
     Parameters
     ----------
-    scene : Scene
     x_m, y_m, z_m : arrays, shape (n,), m
         Receivers, z > 0.
     attenuation_per_m : float, m^-1

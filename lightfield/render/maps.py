@@ -31,14 +31,10 @@ class Rendering:
 
     Parameters
     ----------
-    scene : Scene
-    response : TransportResponse
-    grid : Grid
     energy : Bookkeeping
         Energy balance in the reference water, sr (power for unit on-axis intensity).
     reached : float
         Relative standard error that 95 % of the lit cells have.
-    settings : Settings
     """
 
     scene: Scene

@@ -69,12 +69,10 @@ def take_picture(
 
     Parameters
     ----------
-    scene : Scene
     width, height : int
         Pixels.
     samples : int
         Paths per pixel and colour.
-    seed : int
     lend : bool
         Give black walls and clear water a little albedo and scattering, for else there is nothing to see.
     progress : callable, optional

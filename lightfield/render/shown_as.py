@@ -21,7 +21,6 @@ class ShownAs:
 
     Parameters
     ----------
-    what : Shown
     own, shown : float
         In the unit that the name ends in; an albedo has none.
     """

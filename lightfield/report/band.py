@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.sections import Section, Table, study_page
 from lightfield.report.style import (
     FORMULA,
     GOOD,
@@ -65,9 +62,9 @@ def band_figure(found: Bands, narrow: bool = False) -> Figure:
 def band_page(found: Bands) -> str:
     """The page."""
     drawing = page_figure(
-        band_figure(found), "band",
+        "band",
         "Grey: 500 to 550 nm, the band of the tow tank experiment. Dots: the best by each rule.",
-        "Signal and attenuation over wavelength, and the worth of bands", band_figure(found, narrow=True),
+        "Signal and attenuation over wavelength, and the worth of bands", band_figure, found,
     )  # fmt: skip
     low, high = found.flat_nm()
     paper = int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin())
@@ -88,8 +85,3 @@ def band_page(found: Bands) -> str:
     return study_page(
         title, headline(found), (), [Section("Bands", (drawing,), text, (table,))], found.scene.to_toml()
     )
-
-
-def write_band(found: Bands, path: str | os.PathLike[str]) -> Path:
-    """Write the page, whole or not at all."""
-    return write_study(band_page(found), path)

@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from lightfield.arrays import evenly
 from lightfield.maps.exr import write_rgb_exr
 from lightfield.render.picture import Picture, exposure, tone_mapped
 from lightfield.report.compare.figures import SHORT_UNITS
@@ -18,21 +19,19 @@ DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
 
 
-def planes_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> Figure:
-    """Maps on a common logarithmic scale, a row per wavelength (up to three), a column per plane.
+def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
+    """Maps on a common logarithmic scale, up to three wavelengths as rows, up to five planes as columns.
 
-    What is left out is said. `narrow`: one wavelength, and a plane a row.
+    What is left out is said. `narrow`: one wavelength, up to three planes as rows.
 
     Parameters
     ----------
     dataset : xarray.Dataset
         From `lightfield.maps.dataset.to_dataset`.
-    most : int
-        Columns; of more planes, first, last and some between are shown.
     """
     quantity = dataset.attrs["quantity"]
-    planes = _some(dataset.sizes["z_m"], most)
-    waves = _some(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
+    planes = evenly(dataset.sizes["z_m"], 3 if narrow else 5)
+    waves = evenly(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
     values = dataset[quantity].values
     x, y = dataset.x_m.values, dataset.y_m.values
     wide = 0.5 * float(np.diff(x).mean()) if x.size > 1 else 0.5
@@ -81,10 +80,6 @@ def planes_figure(dataset: xr.Dataset, most: int = 5, narrow: bool = False) -> F
             words += [f"{shown_} of {there} {name}"] if shown_ < there else []
         fig.supxlabel(("\n" if narrow else "; ").join(words), fontsize=9, color=MUTED)
     return fig
-
-
-def _some(count: int, most: int) -> list[int]:
-    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
 
 
 def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.sections import Section, Table, study_page
 from lightfield.report.style import BAD, INK, SERIES, label, legend_below, panels
 from lightfield.studies.link.study import Link
 from lightfield.studies.link.text import (
@@ -112,12 +109,12 @@ def arrival_figure(found: Link, narrow: bool = False) -> Figure:
 def link_page(found: Link) -> str:
     """The page."""
     reach = page_figure(
-        reach_figure(found), "reach", "Red: the errors that are accepted. Scattered light carries data too.",
-        "Errors per bit against distance, and ranges for data and docking", reach_figure(found, narrow=True),
+        "reach", "Red: the errors that are accepted. Scattered light carries data too.",
+        "Errors per bit against distance, and ranges for data and docking", reach_figure, found,
     )  # fmt: skip
     light = page_figure(
-        arrival_figure(found), "light", f"Bands of {SIGMAS:g} standard errors of the render.",
-        "Received power and bandwidth against distance", arrival_figure(found, narrow=True),
+        "light", f"Bands of {SIGMAS:g} standard errors of the render.",
+        "Received power and bandwidth against distance", arrival_figure, found,
     )  # fmt: skip
     table = Table(
         "± is one standard error of the render.", HEAD, rows(found),
@@ -137,8 +134,3 @@ def link_page(found: Link) -> str:
     ]
     title = f"{found.scene.name or 'Lamp'}: optical link"
     return study_page(title, headline(found), (), sections, found.scene.to_toml())
-
-
-def write_link(found: Link, path: str | os.PathLike[str]) -> Path:
-    """Write the page, whole or not at all."""
-    return write_study(link_page(found), path)

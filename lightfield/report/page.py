@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,12 +49,22 @@ class PageFigure:
 
 
 def page_figure(
-    drawing: Figure, name: str, caption: str | SideBySide, alt: str, narrow: Figure | None = None
+    name: str,
+    caption: str | SideBySide,
+    alt: str,
+    draw: Callable[..., Figure],
+    *shown: object,
+    narrow: bool = True,
 ) -> PageFigure:
-    """Figure made ready for a page; `name` is different for every figure of the page."""
-    return PageFigure(
-        to_svg(drawing, name), caption, alt, "" if narrow is None else to_svg(narrow, f"{name}-narrow")
-    )
+    """What `draw` draws of `shown`, made ready for a page: wide, and for a telephone where it can be narrow.
+
+    Parameters
+    ----------
+    name : str
+        Different for every figure of the page.
+    """
+    small = to_svg(draw(*shown, narrow=True), f"{name}-narrow") if narrow else ""
+    return PageFigure(to_svg(draw(*shown), name), caption, alt, small)
 
 
 def fill(template: str, **values: Any) -> str:

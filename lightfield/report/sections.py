@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from lightfield.report.page import PageFigure, fill, write_page
+from lightfield.report.page import PageFigure, fill
 
 
 @dataclass(frozen=True)
@@ -32,17 +30,17 @@ class Section:
 
 
 def study_page(
-    title: str, verdict: str, lead: Sequence[str], sections: Sequence[Section], scene_toml: str = ""
+    title: str,
+    verdict: str,
+    lead: Sequence[str],
+    sections: Sequence[Section],
+    scene_toml: str = "",
+    provenance: Sequence[tuple[str, str]] = (),
 ) -> str:
     """A self-contained page."""
-    provenance = [("scene", "below")] if scene_toml else []
+    provenance = provenance or ([("scene", "below")] if scene_toml else [])
     return fill(
         "study.html",
         title=title, verdict=verdict, lead=lead, sections=sections,
         scene_toml=scene_toml, provenance=provenance,
     )  # fmt: skip
-
-
-def write_study(html: str, path: str | os.PathLike[str]) -> Path:
-    """Write the page, whole or not at all."""
-    return write_page(html, path)

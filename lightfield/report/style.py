@@ -161,7 +161,6 @@ def to_svg(fig: Figure, name: str) -> str:
 
     Parameters
     ----------
-    fig : Figure
     name : str
         Different for every figure of a page: it keeps their internal references apart.
     """

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from textwrap import fill
 
 import numpy as np
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import PercentFormatter
 
+from lightfield.arrays import evenly
 from lightfield.report.regime import COLOURS, NAMES, percent_text
 from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label
 from lightfield.studies.compare.maps import SIGMAS
@@ -26,6 +27,12 @@ SHORT = {
     "W nm-1": "W/nm",
     "W sr-1 nm-1": "W/(sr nm)",
 }
+
+
+def figures_of(data: xr.Dataset) -> dict[str, Callable[..., Figure]]:
+    """What to draw a sweep with, by name; maps only where the store holds them."""
+    maps = {"maps": tiles_figure} if data.attrs["quantity"] in data else {}
+    return {"profiles": profiles_figure, "formula": formula_figure, **maps}
 
 
 def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
@@ -50,7 +57,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     rows = 4 if narrow else 2
     with figure(*((NARROW, 11.6) if narrow else (WIDTH, 6.4))) as fig:
         for axis, name in zip(fig.subplots(rows, 4 // rows, sharex=True).ravel(), panels, strict=True):
-            chosen = _some(held.sizes[hue], MOST_LINES)
+            chosen = evenly(held.sizes[hue], MOST_LINES)
             for line, step in enumerate(chosen):
                 at = held.isel({hue: step} if hue == plane else {hue: step, plane: middle})
                 _line(axis, at, along, name, SERIES[line], _step_name(held, hue, step))
@@ -89,8 +96,8 @@ def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     along, up = _two_axes(data)
     held, rest = _hold(data, {along, up, *_map_dims(data)})
     plane = _plane(held)
-    panels = [0] if up == plane else _some(held.sizes[plane], 4)
-    columns, lines = _some(held.sizes[along], 5 if narrow else 14), _some(held.sizes[up], 12)
+    panels = [0] if up == plane else evenly(held.sizes[plane], 4)
+    columns, lines = evenly(held.sizes[along], 5 if narrow else 14), evenly(held.sizes[up], 12)
     colours, classes = ListedColormap(COLOURS), BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
     wide = 2 if len(panels) > 1 and len(columns) <= 7 and not narrow else 1
     rows = -(-len(panels) // wide)
@@ -127,8 +134,8 @@ def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     return fig
 
 
-def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure | None:
-    """Maps side by side over two axes, on one logarithmic scale; None where the store holds no maps.
+def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
+    """Maps side by side over two axes, on one logarithmic scale.
 
     Parameters
     ----------
@@ -136,13 +143,11 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure | None:
         From `lightfield.sweep.results.open_store`.
     """
     quantity = data.attrs["quantity"]
-    if quantity not in data:
-        return None
     along, up = _two_axes(data)
     held, rest = _hold(data, {along, up, *_map_dims(data)})
     plane, middle = _plane(held), held.sizes[_plane(held)] // 2
     most = FEW_TILES if narrow else MOST_TILES
-    columns, lines = _some(held.sizes[along], most), _some(held.sizes[up], most)
+    columns, lines = evenly(held.sizes[along], most), evenly(held.sizes[up], most)
     chosen = held[quantity].isel({along: columns, up: lines}).isel(wavelength_nm=0, missing_dims="ignore")
     chosen = chosen.isel(band=0, missing_dims="ignore")
     if up != plane:
@@ -207,11 +212,6 @@ def _hold(data: xr.Dataset, kept: set[str]) -> tuple[xr.Dataset, list[str]]:
             notes.append(f"{_axis_name(data, name)} = {_step_name(data, name, step)}")
             data = data.isel({name: step})
     return data, notes
-
-
-def _some(count: int, most: int) -> list[int]:
-    """All steps, or first, last and evenly chosen ones between."""
-    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
 
 
 def _cut(data: xr.Dataset, name: str, chosen: Sequence[int]) -> list[str]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from textwrap import fill
 
 from matplotlib.figure import Figure
 
 from lightfield.diagnosis.expected import ABOUT, HEAD, Together
 from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.sections import Section, Table, study_page
 from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, NARROW, WIDTH, figure, label, percent_axis
 
 _SHADES = {"certain": GOOD, "simplest": GOOD, "perhaps": FORMULA, "no": BAD, "not seen": MUTED}
@@ -53,8 +51,8 @@ def chances_figure(made: Together, narrow: bool = False) -> Figure:
 def together_page(made: Together) -> str:
     """The page."""
     chances = page_figure(
-        chances_figure(made), "chances", "All effects act at once; of each, the worst rival decides.",
-        "Chance of every effect to be certain", chances_figure(made, narrow=True),
+        "chances", "All effects act at once; of each, the worst rival decides.",
+        "Chance of every effect to be certain", chances_figure, made,
     )  # fmt: skip
     table = Table(" ".join(ABOUT), HEAD[:-1], [row[:-1] for row in made.rows()], (5,))
     sizes = "; ".join(made.sizes(one) for one in made.expected)
@@ -67,8 +65,3 @@ def together_page(made: Together) -> str:
         (),
         [Section("Effect by effect", (chances,), told, (table,))],
     )
-
-
-def write_together(made: Together, path: str | os.PathLike[str]) -> Path:
-    """Write the page, whole or not at all."""
-    return write_study(together_page(made), path)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.sections import Section, Table, study_page
 from lightfield.report.style import (
     BAD,
     DATA,
@@ -119,15 +116,14 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
 def range_page(found: WorkingRange) -> str:
     """The page."""
     light = page_figure(
-        fall_figure(found), "light",
-        f"Bands of {SIGMAS:g} standard errors of the render. Grey line: what must be left.",
-        "Light on the axis and radius of half intensity against distance", fall_figure(found, narrow=True),
+        "light", f"Bands of {SIGMAS:g} standard errors of the render. Grey line: what must be left.",
+        "Light on the axis and radius of half intensity against distance", fall_figure, found,
     )  # fmt: skip
     pose = page_figure(
-        pose_figure(found), "pose",
+        "pose",
         f"Dashed: the same by the formula. Red: what docking asks. Bands of {SIGMAS:g} standard errors of "
         "the render.",
-        "Least standard errors of a pose against distance", pose_figure(found, narrow=True),
+        "Least standard errors of a pose against distance", pose_figure, found,
     )  # fmt: skip
     table = Table(
         "± is one standard error of the render.", ("up to", "with scattered light", "formula"), rows(found)
@@ -138,8 +134,3 @@ def range_page(found: WorkingRange) -> str:
     ]
     title = f"{found.scene.name or 'Lamp'}: working range"
     return study_page(title, headline(found), (), sections, found.scene.to_toml())
-
-
-def write_range(found: WorkingRange, path: str | os.PathLike[str]) -> Path:
-    """Write the page, whole or not at all."""
-    return write_study(range_page(found), path)

@@ -79,10 +79,8 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = 1e7, seed: int
     ----------
     scene : Scene
         Light in the middle of its first band, for unit radiant intensity on the axis.
-    asked : Asked
     photons : float
         Zero: direct light alone.
-    seed : int
 
     Returns
     -------

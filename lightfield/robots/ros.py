@@ -38,7 +38,6 @@ class LampPose:
 
     Parameters
     ----------
-    estimate : PoseEstimate
     lamp : FramedPose, optional
         The lamp in the array's own axes; None where the readings do not fit the light.
     covariance : array, shape (6, 6), optional
@@ -61,7 +60,6 @@ class Bridge:
 
     Parameters
     ----------
-    estimator : Estimator
     gain : float
         Reading per unit of light, as the scene's array says.
     """

@@ -12,7 +12,6 @@ from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.scene import Scene
-from lightfield.scene.spectral.detector_response import response_at, response_knots_nm
 from lightfield.scene.water.coefficients import known_nm, molecular_per_m, scattering_per_m
 
 #: Equal parts of a band, over each of which the water is taken to be the same.
@@ -105,13 +104,13 @@ def over_band(
     inner = knots_nm(lamp)
     weighed = detector is not None and detector.response is not None
     if detector is not None and weighed:
-        inner = np.concatenate([inner, response_knots_nm(detector)])
+        inner = np.concatenate([inner, detector.spectral_response.knots_nm])
     ends = np.unique(np.concatenate([edges, inner[(inner > low_nm) & (inner < high_nm)]]))
     half, middle = 0.5 * np.diff(ends), 0.5 * (ends[1:] + ends[:-1])
     at = middle[:, None] + half[:, None] * _NODES
     power = axial_intensity(lamp, at) * _WEIGHTS * half[:, None]
     if detector is not None and weighed:
-        response = response_at(detector, at)
+        response = detector.spectral_response.at(at)
         mean = (response * _WEIGHTS * half[:, None]).sum() / (high_nm - low_nm)
         power = power * response / mean
     part = np.clip(np.searchsorted(edges, middle) - 1, 0, pieces - 1)

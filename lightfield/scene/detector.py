@@ -10,7 +10,7 @@ from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
-from lightfield.scene.spectral.detector_response import COLUMNS, response_at, response_knots_nm
+from lightfield.scene.spectral.detector_response import COLUMNS, Response
 from lightfield.scene.spectral.peaks import Peak, way_written
 from lightfield.storage.tables import read_columns, readable
 
@@ -182,6 +182,11 @@ class Detector(Part):
         0.0, "deg", "receiver axis turned towards +x", Acts.RECEIVER, above=-90.0, below=90.0, neutral=0.0
     )
 
+    @property
+    def spectral_response(self) -> Response:
+        """What its response makes of light over wavelength."""
+        return Response(self.response, self.response_table)
+
     @model_validator(mode="after")
     def _places_and_bands(self) -> Detector:
         if not self.planes_m and not self.positions_m:
@@ -206,10 +211,9 @@ class Detector(Part):
             readable(read_columns, self.response_table, COLUMNS)
         if self.response is None:
             return
-        knots = response_knots_nm(self)
         for low, high in self.bands_nm:
-            inside = [at for at in knots.tolist() if low < at < high]
-            if not response_at(self, [low, 0.5 * (low + high), high, *inside]).max() > 0:
+            inside = [at for at in self.spectral_response.knots_nm.tolist() if low < at < high]
+            if not self.spectral_response.at([low, 0.5 * (low + high), high, *inside]).max() > 0:
                 raise RuleError(
                     f"the response sees nothing of the band [{low:g}, {high:g}]",
                     "correct response or bands_nm",

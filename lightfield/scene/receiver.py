@@ -61,7 +61,6 @@ def response(detector: Detector, direction: Sequence[Array], axis: Sequence[Any]
 
     Parameters
     ----------
-    detector : Detector
     direction : x, y and z components of unit vectors, arrays
         Along which the light flies.
     axis : x, y and z components of a unit vector, optional

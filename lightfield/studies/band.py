@@ -84,7 +84,6 @@ class Bands:
         Over (z_m, low_nm): `attenuation`, `signal`, `snr`, `information`, `range_error_m`.
     best : tuple of BestBand
     width_nm : float
-    scene : Scene
     """
 
     spectrum: xr.Dataset
@@ -167,7 +166,6 @@ def best_band(
         Lamp spectrum, water, receiver.
     traced : bool
         False: direct light alone, K = c.
-    noise : CountNoise, optional
     distances_m : sequence of float, optional, m
         Default: the scene's first and last plane.
     width_nm, low_nm, high_nm : float, nm

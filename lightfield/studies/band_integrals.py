@@ -8,7 +8,7 @@ from scipy.integrate import cumulative_trapezoid
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene import Detector
-from lightfield.scene.spectral.detector_response import SILICON, response_at
+from lightfield.scene.spectral.detector_response import SILICON
 from lightfield.storage.tables import read_columns
 
 
@@ -34,7 +34,7 @@ def shares_of(at: Array, fine: Array, seen: Array, lows: Array, highs: Array) ->
 def responsivity(path: str | None, detector: Detector, at: Array) -> Array:
     """Response at wavelengths, in any unit: of a table, the scene's, or that of silicon."""
     if path is None:
-        return np.interp(at, *SILICON) if detector.response is None else response_at(detector, at)
+        return np.interp(at, *SILICON) if detector.response is None else detector.spectral_response.at(at)
     try:
         known, response = read_columns(path, ("wavelength_nm", "response"))
     except OSError as error:

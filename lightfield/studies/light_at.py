@@ -72,7 +72,6 @@ def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSou
 
     Parameters
     ----------
-    scene : Scene
     x_m, y_m, z_m : array, shape (n,), m
     trace : callable, optional
         None: direct light alone.

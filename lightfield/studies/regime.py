@@ -51,7 +51,6 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
     ----------
     scene : Scene
         Lamp and phase function; tank, water coefficients and detector are replaced.
-    settings : SweepSettings
     """
     parts = scene.model_dump(mode="json", exclude_none=True)
     parts |= {

@@ -29,7 +29,6 @@ class Formula:
     sources : tuple of (Lamp, array), array of shape (n_planes, n_y, n_x), m^-2
         Points of the lamp's window, and the light of each, averaged over every cell, in clear water and for
         unit on-axis intensity of the whole window.
-    grid : Grid
     """
 
     sources: tuple[tuple[Lamp, Array], ...]
@@ -83,7 +82,6 @@ def derive(
         NaN outside the tank. Errors of different cells are taken as independent: a photon rarely meets a
         plane twice.
     formula : array of that shape, optional
-    grid : Grid
     merged : array of int, shape (n_planes, n_y, n_x), optional
         Cells of the same number are mirror images that share one error.
 
@@ -130,7 +128,6 @@ def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
     ----------
     value, stderr : arrays, shape (n_y, n_x)
         NaN where nothing is known.
-    grid : Grid
     """
     brightest = np.nanmax(value)
     bright = value > 0.5 * brightest

@@ -31,7 +31,6 @@ class SweepProgress:
 
     Parameters
     ----------
-    cases, cases_done, failed : int
     traces, traced : int
         Traces that this run had to make, and those made.
     photons : float

@@ -32,11 +32,8 @@ class Trace:
 
     Parameters
     ----------
-    number : int
     first : int
         Number of the first case that is evaluated from it; all of them have its beam and geometry.
-    reference : Reference
-    seed : int
     cases : int
         How many cases are evaluated from it.
     """

@@ -37,12 +37,6 @@ FORMAT = 3  # of the store; raised whenever the same plan would give other numbe
 class SweepStore:
     """A store on disk.
 
-    Parameters
-    ----------
-    path : Path
-    plan : SweepPlan
-    kind : SweepKind
-
     Attributes
     ----------
     repaired : list of str

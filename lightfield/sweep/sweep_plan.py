@@ -43,7 +43,6 @@ class SweepSettings:
         Relative standard error asked of every trace, in its reference water.
     max_photons : float
         Photon budget of every trace.
-    seed : int
     maps : bool
         Keep the maps, not the derived quantities alone.
     """
@@ -63,7 +62,6 @@ class Block:
 
     Parameters
     ----------
-    number : int
     index : tuple of int
         Chunk index along the case dimensions.
     cases : array of int
@@ -84,8 +82,6 @@ class SweepPlan:
 
     Parameters
     ----------
-    cases : Cases
-    settings : SweepSettings
     chunks : tuple of int
         Cases of a block along every axis.
     traces : tuple of Trace

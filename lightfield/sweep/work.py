@@ -80,7 +80,6 @@ class MapTarget:
         The store.
     variables : dict of Variable
         Its layout.
-    quantity, units, area_units : str
     """
 
     path: Path
@@ -165,11 +164,8 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
 
     Parameters
     ----------
-    block : Block
-    cases : Cases
     trace_of_case : sequence of int
         Trace of every case of the block; negative: none.
-    target : MapTarget
     """
     with _busy, threadpool_limits(1, "blas"):  # more threads of BLAS would round differently
         started = time.perf_counter()

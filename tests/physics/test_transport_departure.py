@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from beams import flood
 from montecarlo import keeps_its_rate, least_p
 from scipy import stats
 
@@ -34,12 +35,6 @@ SCENE = Scene.from_dict(
         "detector": {"width_m": 2.0},
     }
 )
-
-
-def flood(q: np.ndarray) -> np.ndarray:
-    """A flat top with a wide, weak skirt; q is the angle over the half width."""
-    top = (1 + np.exp(-1 / 0.16)) / (1 + np.exp((q - 1) / 0.16))
-    return 0.93 * top + 0.07 * np.exp(-np.log(2) * (q / 3) ** 2)
 
 
 def ringed(q: np.ndarray) -> np.ndarray:

@@ -10,18 +10,13 @@ import pytest
 from montecarlo import cell_average, chi_square_p, normal_scores
 
 from lightfield.errors import RenderError
-from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import Grid, cell_centres
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.profile import relative_intensity
 
+pytestmark = pytest.mark.usefixtures("backend")
+
 A = 0.2
-
-
-@pytest.fixture(scope="module", autouse=True)
-def backend() -> None:
-    """Our plugins are registered with Mitsuba."""
-    use_backend()
 
 
 def scene(lamp: dict[str, Any], *planes: dict[str, Any], water: bool = True) -> Any:

@@ -14,11 +14,12 @@ from beams import aside, ies
 from montecarlo import chi_square_p, normal_scores
 from scipy import stats
 
-from lightfield.render.backend import use_backend
 from lightfield.render.tracer.emission import Emission
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.water.phase.of_scene import parse_phase
+
+pytestmark = pytest.mark.usefixtures("backend")
 
 SAMPLES = 1 << 20
 PHASES: dict[str, dict[str, Any]] = {
@@ -36,12 +37,6 @@ PHASES: dict[str, dict[str, Any]] = {
 }
 # And Mitsuba's own Henyey-Greenstein function, which the tracer uses where it can.
 PLUGINS = [*((name, False) for name in PHASES), ("hg 0.924", True), ("hg 0.98", True)]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def backend() -> None:
-    """Mitsuba's variant, and our plugins in it."""
-    use_backend()
 
 
 def uniform(rng: np.random.Generator) -> Any:
@@ -168,16 +163,19 @@ def beam_histogram(lamp: Lamp, x: np.ndarray, y: np.ndarray, weight: np.ndarray)
     return normal_scores(sums.mean(axis=0)[lit], truth[lit], stderr[lit], batches)
 
 
-@pytest.mark.parametrize("name", LAMPS)
-def test_emission_carries_the_beam(name: str) -> None:
-    """Weighted directions give the power of the beam in every ring and sector, for unit axial intensity."""
-    lamp = Lamp.model_validate(LAMPS[name])
-    rng = np.random.default_rng(7)
+def carries_the_beam(lamp: Lamp, seed: int) -> bool:
+    """Do weighted directions give the power of the beam in every ring and sector, at unit axial intensity?"""
+    rng = np.random.default_rng(seed)
     local, weight, _ = Emission(lamp, cone_rad=0.2).draw(uniform(rng), uniform(rng))
     x, y, z = np.array(local, np.float64)
     theta, across = np.arctan2(np.hypot(x, y), z), np.maximum(np.hypot(x, y), 1e-12)
     scores = beam_histogram(lamp, theta * x / across, theta * y / across, np.array(weight, np.float64))
-    assert 0.001 < chi_square_p(scores) < 0.999
+    return 0.001 < chi_square_p(scores) < 0.999
+
+
+@pytest.mark.parametrize("name", LAMPS)
+def test_emission_carries_the_beam(name: str) -> None:
+    assert carries_the_beam(Lamp.model_validate(LAMPS[name]), seed=7)
 
 
 @pytest.mark.parametrize("name", ["gaussian", "elliptic", "tilted"])
@@ -212,21 +210,11 @@ def test_measured_beam_is_carried(tmp_path: Path) -> None:
     table = tmp_path / "beam.csv"
     table.write_text("angle_deg,intensity\n0,1\n2,1\n7.5,0.1\n8,0\n")
     lamp = Lamp.model_validate({"profile": "table", "intensity_table": str(table)})
-    rng = np.random.default_rng(13)
-    local, weight, _ = Emission(lamp, cone_rad=0.2).draw(uniform(rng), uniform(rng))
-    x, y, z = np.array(local, np.float64)
-    theta, across = np.arctan2(np.hypot(x, y), z), np.maximum(np.hypot(x, y), 1e-12)
-    scores = beam_histogram(lamp, theta * x / across, theta * y / across, np.array(weight, np.float64))
-    assert 0.001 < chi_square_p(scores) < 0.999
+    assert carries_the_beam(lamp, seed=13)
 
 
 def test_measured_beam_that_is_not_round_is_carried(tmp_path: Path) -> None:
     """The same for a Gaussian beside the axis, from half planes 0, 10 ... 350 of a luminaire file."""
     file = ies(tmp_path / "aside.ies", aside, np.arange(0.0, 351.0, 10.0))
     lamp = Lamp.model_validate({"profile": "table", "intensity_table": str(file)})
-    rng = np.random.default_rng(17)
-    local, weight, _ = Emission(lamp, cone_rad=0.2).draw(uniform(rng), uniform(rng))
-    x, y, z = np.array(local, np.float64)
-    theta, across = np.arctan2(np.hypot(x, y), z), np.maximum(np.hypot(x, y), 1e-12)
-    scores = beam_histogram(lamp, theta * x / across, theta * y / across, np.array(weight, np.float64))
-    assert 0.001 < chi_square_p(scores) < 0.999
+    assert carries_the_beam(lamp, seed=17)

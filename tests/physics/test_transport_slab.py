@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lightfield.render.backend import use_backend
 from lightfield.render.response.response import Bookkeeping
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
@@ -27,16 +26,12 @@ from lightfield.render.tracer.surfaces import Shapes
 from lightfield.render.tracer.walk import counted, trace
 from lightfield.scene import Lamp
 
+pytestmark = pytest.mark.usefixtures("backend")
+
 BLACK = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}}
 WIDE_M = 1e4
 BATCHES = 10
 CONFIDENT = stats.norm.cdf(3)  # three standard errors
-
-
-@pytest.fixture(scope="module", autouse=True)
-def backend() -> None:
-    """Mitsuba's variant."""
-    use_backend()
 
 
 class FluxThrough:

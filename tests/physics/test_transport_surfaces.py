@@ -7,17 +7,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lightfield.render.backend import use_backend
 from lightfield.scene import Scene, Tank
+
+pytestmark = pytest.mark.usefixtures("backend")
 
 TANK = Tank(width_m=2.0, depth_m=1.4, length_m=6.0, behind_lamp_m=0.5, lamp_depth_m=0.4, surface="flat")
 FLIGHTS = 20_000
-
-
-@pytest.fixture(scope="module", autouse=True)
-def backend() -> None:
-    """Mitsuba's variant."""
-    use_backend()
 
 
 def flights() -> tuple[mi.Point3f, mi.Vector3f]:

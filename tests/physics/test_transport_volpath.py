@@ -19,21 +19,16 @@ import pytest
 from montecarlo import with_rows
 from scipy import stats
 
-from lightfield.render.backend import use_backend
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
+
+pytestmark = pytest.mark.usefixtures("backend")
 
 HWHM_DEG = float(np.degrees(np.sqrt(np.log(2) / 157)))  # I = exp(-157 theta^2)
 A, B, Z = 0.05, 0.15, 6.5
 CELL = 0.1
 BATCHES = 12
 SMALL, WIDE = 2e-6, 0.5 * np.pi
-
-
-@pytest.fixture(scope="module", autouse=True)
-def backend() -> None:
-    """Mitsuba's variant, and our plugins in it."""
-    use_backend()
 
 
 def stock_scene(phase: dict[str, Any], walls: dict[str, Any], meter_x: float | None = None) -> Any:

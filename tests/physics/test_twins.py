@@ -13,7 +13,6 @@ from beams import aside, phi_table
 from pydantic import ValidationError
 
 from lightfield.formula.own import lit
-from lightfield.render.backend import use_backend
 from lightfield.render.reflected.from_lamp import fresnel
 from lightfield.render.reflected.patches import walls
 from lightfield.render.response.grid import Grid, scene_grid
@@ -32,13 +31,9 @@ from lightfield.scene.tank import WATER_INDEX
 from lightfield.scene.water.layers import layers_depth
 from lightfield.scene.water.molecular import refractive_index
 
+pytestmark = pytest.mark.usefixtures("backend")
+
 SINGLE = 2e-6  # what single precision leaves
-
-
-@pytest.fixture(scope="module", autouse=True)
-def backend() -> None:
-    """Dr.Jit computes."""
-    use_backend()
 
 
 def directions(n: int, steepest: float = 0.0) -> np.ndarray:

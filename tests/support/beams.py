@@ -1,4 +1,4 @@
-"""Beams that are not round, as files."""
+"""Beams that are not round, as files, and one that is round and no Gaussian."""
 
 from __future__ import annotations
 
@@ -18,6 +18,12 @@ def aside(theta_x_rad: np.ndarray, theta_y_rad: np.ndarray) -> np.ndarray:
     (x0, y0), h = np.radians(ASIDE_DEG), np.radians(HWHM_DEG)
     away = (theta_x_rad - x0) ** 2 + (theta_y_rad - y0) ** 2 - x0 * x0 - y0 * y0
     return np.asarray(0.5 ** (away / h**2))
+
+
+def flood(q: np.ndarray) -> np.ndarray:
+    """A flat top with a wide, weak skirt; q is the angle over the half width."""
+    top = (1 + np.exp(-1 / 0.16)) / (1 + np.exp((q - 1) / 0.16))
+    return 0.93 * top + 0.07 * np.exp(-np.log(2) * (q / 3) ** 2)
 
 
 def phi_table(path: Path, shape: Shape, phi_deg: np.ndarray) -> Path:

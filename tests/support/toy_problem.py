@@ -16,8 +16,9 @@ from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout, layout_of
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.least_squares import Fit
@@ -193,3 +194,10 @@ def waves(lay: Layout) -> dict[str, np.ndarray]:
         "dusk": 3 * time * lay.x_m,
         "rows": np.cos(2 * lay.x_m) * np.sin(2 * lay.z_m),
     }
+
+
+def toy(low: float = -1e3, lay: Layout | None = None, **more: np.ndarray) -> Toy:
+    """A candidate for each of `waves`, and for each column more."""
+    lay = layout() if lay is None else lay
+    columns = {**waves(lay), **more}
+    return Toy.of([candidate(name, low) for name in columns], columns, lay)

@@ -11,25 +11,12 @@ import time
 from pathlib import Path
 
 import pytest
+from command_line import ROOT, lightfield
 
 from lightfield import __version__, cli
 from lightfield.commands import doctor
 from lightfield.commands._line import COMMANDS, available
 from lightfield.errors import SceneError
-
-ROOT = Path(__file__).resolve().parents[2]
-
-
-def lightfield(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "lightfield.cli", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        cwd=ROOT,
-        env={**os.environ, **environment},
-    )
 
 
 def test_version():

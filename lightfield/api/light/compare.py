@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike, fspath
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -73,11 +72,10 @@ class Comparison(Result[comparing.Comparison]):
         names = ["wavelength_nm", "z_m", "axis_error", "axis_error_stderr", "lost", "lost_stderr"]
         return self.to_pandas()[names]
 
-    def report(self, path: AnyPath) -> Path:
+    def _page(self) -> str:
         from lightfield.report.compare.page import comparison_page
-        from lightfield.report.page import write_page
 
-        return write_page(comparison_page(self.details, self.maps.details.attrs), path)
+        return comparison_page(self.details, self.maps.details.attrs)
 
 
 class Fit(Result[fitting.FitReport]):
@@ -123,10 +121,10 @@ class Fit(Result[fitting.FitReport]):
         found = self.details.estimates.items()
         return pd.DataFrame([{"parameter": path, **estimate.model_dump()} for path, estimate in found])
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.result import write_result
+    def _page(self) -> str:
+        from lightfield.report.result import result_page
 
-        return write_result(self, path, "Model against readings", scene_toml=self.scene.to_toml())
+        return result_page(self, "Model against readings", scene_toml=self.scene.to_toml())
 
 
 @overload

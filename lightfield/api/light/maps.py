@@ -119,15 +119,12 @@ class Maps(Result[xr.Dataset]):
                 })  # fmt: skip
         return pd.DataFrame(rows)
 
-    def report(self, path: AnyPath) -> Path:
+    def _page(self) -> str:
         from lightfield.report.light import planes_figure
-        from lightfield.report.result import write_result
+        from lightfield.report.result import result_page
 
-        if "z_m" not in self.details.dims:
-            return write_result(self, path, "Rendered light", None, self.details.attrs["scene_toml"])
-        wide, narrow = planes_figure(self.details), planes_figure(self.details, 3, narrow=True)
-        scene = self.details.attrs["scene_toml"]
-        return write_result(self, path, "Rendered light", [wide], scene, [narrow])
+        draw = [planes_figure] if "z_m" in self.details.dims else []
+        return result_page(self, "Rendered light", *draw, scene_toml=self.details.attrs["scene_toml"])
 
     def save(self, path: AnyPath) -> Path:
         """Write the maps as NetCDF; `Maps.load` reads them back."""

@@ -86,10 +86,10 @@ class Picture(Result[camera.Picture]):
             "largest": flat.max(axis=0),
         })  # fmt: skip
 
-    def report(self, path: AnyPath) -> Path:
-        from lightfield.report.result import write_result
+    def _page(self) -> str:
+        from lightfield.report.result import result_page
 
-        return write_result(self, path, "Camera view")
+        return result_page(self, "Camera view")
 
     def save(self, path: AnyPath) -> Path:
         """Write the view as PNG and, beside it, its linear light as EXR.

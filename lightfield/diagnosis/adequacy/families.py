@@ -11,8 +11,8 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY, beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, SAME, Layout
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit
 
 #: Linearisations of a free factor, parts of a step that are tried, and how weak a direction of the step is

@@ -19,8 +19,8 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA, NO_LIGHT
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit
 
 #: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil

@@ -10,7 +10,8 @@ from numpy.polynomial import Chebyshev
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.robust import FEWEST_TO_SCALE, likeliest_scale
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.whitening import Whitener
 
 #: Degree of the polynomials in ln(phi) that stand for the likelihood where each value of it takes a factor of
 #: its own: one over all that is credible, to find the place, and one about it. The scale is that of the dense

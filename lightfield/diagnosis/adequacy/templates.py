@@ -11,8 +11,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, PLACE_DECIMALS, Layout
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.parameter import FitParameter
 from lightfield.scene.tank import OPENS_THE_TOP

@@ -1,8 +1,8 @@
-"""Noise of the readings: standard errors, serial correlation, error budget; and how to whiten by it."""
+"""Noise of the readings: standard errors, serial correlation, error budget."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,18 +11,16 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
-from lightfield.diagnosis.problem.chain import ChainFactor, fewer_columns, low_rank
-from lightfield.diagnosis.problem.dense import DenseFactor
+from lightfield.diagnosis.problem.chain import fewer_columns, low_rank
 from lightfield.diagnosis.problem.layout import Labels, Layout
-from lightfield.diagnosis.problem.scan import links_of
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.position_slope import position_slope
 
 #: How far a model error that is of no interest, and that of the response of diffuse light (of one trace), is
 #: the same in two bands.
 CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
-#: So many readings are whitened as one; of more, so many at a time.
-FEW, BLOCK = 512, 128
+#: So many readings are whitened as one.
+FEW = 512
 #: Shared variance that is left out between blocks, in units of the reading's own: chi-square and determinant
 #: stay right to that part (test_chain.py); and over the largest one, what rounding leaves of it, in double
 #: precision and, of many readings, in single.
@@ -109,6 +107,16 @@ class Noise:
         return np.where(gain > 0, stay, -1), gain
 
     @property
+    def has_many(self) -> bool:
+        """Are there so many readings that what they share is told by fewer columns, and kept singly?"""
+        return self.layout.size > _MANY
+
+    @property
+    def is_kept_whole(self) -> bool:
+        """Is the shared covariance kept while its factor is made?"""
+        return self.layout.size <= _KEPT_WHOLE
+
+    @property
     def has_modes(self) -> bool:
         """Are there Monte Carlo errors?"""
         return self.photon_modes is not None and bool(self.photon_modes.size)
@@ -120,7 +128,7 @@ class Noise:
 
     def _smooth(self, a: Labels, b: Labels, tolerance: float) -> Array:
         """Covariance of tolerated model error and diffuse light between two sets of readings."""
-        if FEW < self.layout.size <= _KEPT_WHOLE and not self.has_modes:
+        if self.layout.size > FEW and self.is_kept_whole and not self.has_modes:
             # Asked for twice: for its rank, and for the factor.
             if tolerance not in self._whole:
                 every = np.arange(self.layout.size)
@@ -187,7 +195,7 @@ class Noise:
         """
         if tolerance not in self._smooth_columns:
             parts = self._parts(tolerance) if self._few_modes else [self._of_low_rank(tolerance)]
-            if self.layout.size > _MANY:  # of the first alone, then of what is left of it and the other
+            if self.has_many:  # of the first alone, then of what is left of it and the other
                 parts[0] = fewer_columns(parts[:1], self.sigma, 0.5 * _LEFT_OUT_OF_MANY)
                 parts = [fewer_columns(parts, self.sigma, 0.5 * _LEFT_OUT_OF_MANY)]
             self._smooth_columns[tolerance] = np.hstack(parts)
@@ -195,7 +203,7 @@ class Noise:
 
     def _of_low_rank(self, tolerance: float) -> Array:
         own, variance = self.sigma, self._smooth_variance(tolerance) / self.sigma**2
-        kind, rounding = (np.float32, _ROUNDING_OF_MANY) if len(own) > _MANY else (np.float64, _ROUNDING)
+        kind, rounding = (np.float32, _ROUNDING_OF_MANY) if self.has_many else (np.float64, _ROUNDING)
 
         def between(a: Labels, b: Labels) -> Array:
             out = np.empty((len(a), len(b)), kind)
@@ -216,7 +224,7 @@ class Noise:
 
     def smooth_parts(self, tolerance: float) -> list[Array]:
         """The same, not yet side by side: what photons contribute apart, where that is little."""
-        if not self._few_modes or self.layout.size > _MANY:
+        if not self._few_modes or self.has_many:
             return [self.smooth_columns(tolerance)]
         return self._parts(tolerance)
 
@@ -275,107 +283,3 @@ class Noise:
             self.layout.subset(rows), self.sigma[rows], self.prediction[rows], self.budget,
             self.position_slope[rows], *(None if each is None else each[rows] for each in of_light),
         )  # fmt: skip
-
-
-class Whitener:
-    """Multiplies columns by the inverse Cholesky factor of the covariance.
-
-    Few readings, or such as share nearly as many errors as there are, are one block, in the table's order.
-    Many are taken in that of the scan, in which stays and serial correlation are short.
-
-    Parameters
-    ----------
-    noise : Noise
-    rho : float
-        Serial correlation of neighbours in the scan.
-    phi : float
-        Variance over the quoted one.
-    tolerance : float
-        Relative error of the light that readings share smoothly.
-    block : int, optional
-        Most readings in one block.
-    """
-
-    def __init__(
-        self,
-        noise: Noise,
-        rho: float = 0.0,
-        phi: float = 1.0,
-        tolerance: float = 0.0,
-        block: int | None = None,
-    ) -> None:
-        self.noise, self.rho, self.phi, self.tolerance = noise, rho, phi, tolerance
-        self._sigma: Array | None = None
-        self._order: Labels | None = None
-        self._of: dict[bytes, Whitener] = {}
-        if rho == 0 and noise.independent(tolerance):
-            variance = noise.variance(phi, tolerance)
-            self._sigma = np.sqrt(variance)
-            #: Logarithm of the determinant of the covariance.
-            self.log_determinant = float(np.log(variance).sum())
-            return
-        self._block = block
-        self.log_determinant = self._factor.log_determinant
-
-    @cached_property
-    def _factor(self) -> DenseFactor | ChainFactor:
-        noise, tolerance, block = self.noise, self.tolerance, self._block
-        n, size = noise.layout.size, block or BLOCK
-        factor: DenseFactor | ChainFactor
-        if n <= (block or FEW) or (block is None and self._is_one(size)):
-            factor = DenseFactor(noise.covariance(self.rho, self.phi, tolerance))
-        else:
-            self._order = np.argsort(noise.layout.position, kind="stable")
-            links = links_of(noise, self.rho, self.phi, tolerance, self._order, size)
-            factor = ChainFactor(links, single=n > _MANY)
-        # Noise of another serial correlation shares what it was made of.
-        noise.forget(columns=self.rho == 0)
-        return factor
-
-    def forget(self) -> None:
-        """Free the memory of the factor: who asks for it again has it made again."""
-        self.__dict__.pop("_factor", None)
-        self._of.clear()
-        self.noise.forget(columns=True)
-
-    def _is_one(self, size: int) -> bool:
-        """Do readings share so many errors that one block of them is as quick as many?"""
-        noise, n = self.noise, self.noise.layout.size
-        if n <= _KEPT_WHOLE and noise.has_modes:
-            return True
-        return 2 * noise.smooth_columns(self.tolerance).shape[1] + size > n
-
-    def __call__(self, columns: Array) -> Array:
-        if self._sigma is not None:
-            return columns / (self._sigma if columns.ndim == 1 else self._sigma[:, None])
-        return self._applied(self._factor.white, columns)
-
-    def coloured(self, columns: Array) -> Array:
-        """Columns times the Cholesky factor: the inverse of whitening."""
-        if self._sigma is not None:
-            return columns * (self._sigma if columns.ndim == 1 else self._sigma[:, None])
-        return self._applied(self._factor.coloured, columns)
-
-    def _applied(self, factor: Callable[[Array], Array], columns: Array) -> Array:
-        two = columns[:, None] if columns.ndim == 1 else columns
-        if self._order is None:
-            return np.asarray(factor(two).reshape(columns.shape))
-        out = np.empty(two.shape)
-        out[self._order] = factor(two[self._order])
-        return out.reshape(columns.shape)
-
-    def of(self, rows: NDArray[np.bool_]) -> Whitener:
-        """The same of some of the readings."""
-        key = rows.tobytes()
-        if key not in self._of:
-            self._of[key] = Whitener(self.noise.subset(rows), self.rho, self.phi, self.tolerance)
-        return self._of[key]
-
-    def replicates(self, rng: np.random.Generator, count: int) -> Array:
-        """Whitened noise, shape (n, count), as precise as tables that are kept."""
-        return np.asarray(rng.standard_normal((self.noise.layout.size, count), self.kept_as))
-
-    @property
-    def kept_as(self) -> type[np.float32] | type[np.float64]:
-        """Precision of whitened tables that are kept: of many readings single."""
-        return np.float32 if self.noise.layout.size > _MANY else np.float64

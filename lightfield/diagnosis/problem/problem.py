@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import Layout
-from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import FitParameter, Model

@@ -58,10 +58,6 @@ class Repeats:
 def repeats_of(readings: Readings) -> Repeats | None:
     """The repeated readings of a table: those of the reference positions if any are marked, else all.
 
-    Parameters
-    ----------
-    readings : Readings
-
     Returns
     -------
     Repeats or None

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.chain import ChainBlock
-
-if TYPE_CHECKING:
-    from lightfield.diagnosis.problem.noise import Noise
+from lightfield.diagnosis.problem.noise import Noise
 
 Rows = NDArray[np.int_]
 

@@ -129,7 +129,6 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
 
     Parameters
     ----------
-    forward : SceneForward
     value : array, shape (n,)
     """
     scene, names = forward.scene, forward.gains.names
@@ -229,7 +228,6 @@ def problem_of(
 
     Parameters
     ----------
-    forward : SceneForward
     without_diffuse : Hindrance, optional
         Why scattered and reflected light cannot be predicted.
 

@@ -14,8 +14,8 @@ from scipy.special import chdtri
 
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import from_valleys, objective, on_sample, under_own_errors
 from lightfield.diagnosis.search.small_sets import Fitted, Tried, fit_pairs, fit_singles
 from lightfield.fitting.least_squares import Fit

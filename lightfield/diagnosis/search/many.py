@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
-from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
 from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from lightfield.diagnosis.problem.noise import FEW, Noise, Whitener
+from lightfield.diagnosis.problem.noise import FEW, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.profile import restarted
 from lightfield.fitting.least_squares import Fit
 from lightfield.render.diffuse.errors import as_few

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import (
     from_shapes,
     refitted,

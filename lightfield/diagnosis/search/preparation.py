@@ -32,9 +32,10 @@ from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Adequacy, AdequacyTest
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
-from lightfield.diagnosis.problem.noise import FEW, Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import FEW, Budget, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.quoted import errors_stated, smooth_stderr
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.description import describe
 from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.small_sets import Fitted

@@ -10,8 +10,8 @@ from functools import cache
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import Model
 

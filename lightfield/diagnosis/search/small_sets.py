@@ -12,8 +12,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest, Score
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import on_sample
 from lightfield.diagnosis.search.profile import LOWER, ROUGH_STEPS, lowest, profiled, restarted

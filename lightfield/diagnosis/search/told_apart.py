@@ -15,8 +15,8 @@ from scipy import special
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.fitting.least_squares import Fit, Whiten
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA, detection_l
 from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
+from lightfield.diagnosis.verdict.estimates import estimates, units_in
 from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.left import left_over
 from lightfield.diagnosis.verdict.found.misfit import along, unexplained
@@ -35,7 +36,6 @@ from lightfield.diagnosis.verdict.parts import (
     Misfit,
     NearestRival,
     PlaceToRead,
-    Reason,
     Rung,
     SetAside,
 )
@@ -43,9 +43,7 @@ from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stat
 from lightfield.diagnosis.verdict.trust import Trust, pure_error, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
-from lightfield.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -76,50 +74,6 @@ class Found:
     lamp: Sequence[Judged] = ()
     seed: int = 0
     also: WithScattering | None = None
-
-
-def estimates(
-    fit: Fit, scale: float, units: dict[str, str], least: Mapping[str, float] | None = None
-) -> dict[str, Estimate]:
-    """Fitted values with errors, or the reason why there is none.
-
-    Parameters
-    ----------
-    scale : float
-        Pure-error variance in units of the whitening.
-    least : mapping, optional
-        Smallest errors by path, from a profile.
-    """
-    errors, bound = fit.stderr(scale), fit.at_bound()
-    out = {}
-    for i, path in enumerate(fit.paths):
-        value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
-        reason: Reason | None = None
-        if fit.model.parameters[i].is_held:
-            reason = Reason.HELD
-        elif bound[i]:
-            reason = Reason.AT_BOUNDARY
-        elif np.linalg.norm(fit.jacobian[:, i]) == 0:
-            reason = Reason.DID_NOT_MOVE
-        elif not np.isfinite(error):
-            reason = Reason.UNDETERMINED
-        elif error > fit.model.parameters[i].width(fit.u[i]):
-            reason = Reason.TOO_WIDE
-        out[path] = Estimate(
-            value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason
-        )
-    return out
-
-
-def units_of(scene: Scene) -> dict[str, str]:
-    """Unit of every scene parameter."""
-    return {path: parameter.unit for path, parameter in scene.parameters().items()}
-
-
-def units_in(forward: SceneForward) -> dict[str, str]:
-    """Unit of every scene parameter, and of the amplitudes of curves over these readings."""
-    amplitudes = forward.scenes.curves.parameters
-    return units_of(forward.scene) | {path: parameter.unit for path, parameter in amplitudes.items()}
 
 
 def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
@@ -304,7 +258,7 @@ def _left_open(found: Found, kind: Kind, advise: bool) -> _LeftOpen:
     if best is None:
         if kind != "unexplained" or finding.withheld or finding.in_part:
             return _LeftOpen()
-        local = left_over(prepared, finding, found.readings, estimates) if advise else []
+        local = left_over(prepared, finding, found.readings) if advise else []
         misfit, advice = unexplained(prepared, finding, local)
         return _LeftOpen(None, advice, misfit, along(misfit, [one.record for one in local]))
     rival, near = None, None

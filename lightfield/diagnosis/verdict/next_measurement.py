@@ -7,10 +7,12 @@ from enum import Enum
 
 from pydantic import Field, computed_field
 
-from lightfield.diagnosis.verdict.aside_words import REPEATS, place
 from lightfield.diagnosis.verdict.parts import Kind, Misfit, PlaceToRead, Record, SetAside
-from lightfield.diagnosis.verdict.speech import join, plain
+from lightfield.diagnosis.verdict.speech import join, place, plain
 from lightfield.fitting import effects
+
+#: So often a reading that was set aside is to be repeated: once could be another slip.
+REPEATS = 3
 
 
 class Asks(str, Enum):

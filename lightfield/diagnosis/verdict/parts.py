@@ -158,6 +158,10 @@ class Rung(Record):
     rendered_stderr_percent: float | None = Field(None, description="Monte Carlo error of that render")
 
 
+#: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
+CONTRADICTED_SIGMA = 5.0
+
+
 class StatedEffect(Record):
     """An effect that the scene itself has, and what the readings say of it."""
 

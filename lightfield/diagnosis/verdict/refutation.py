@@ -23,8 +23,7 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestab
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
-from lightfield.diagnosis.verdict.stated import CONTRADICTED_SIGMA
+from lightfield.diagnosis.verdict.parts import CONTRADICTED_SIGMA, Estimate, StatedEffect
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN

@@ -1,11 +1,15 @@
-"""How names, sizes and sentences are said, in every verdict."""
+"""How names, sizes, places and sentences are said, in every verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lightfield.diagnosis.verdict.parts import Estimate
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
+from lightfield.diagnosis.verdict.parts import Estimate, PlaceToRead, SetAside
+
+#: Units of the coordinates that a misfit depends on, or that readings set aside share.
+UNITS = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,15 @@ def join(names: Sequence[str]) -> str:
 def in_unit(number: str, unit: str) -> str:
     """A number with its unit, or alone where it has none."""
     return number if unit == "1" else f"{number} {unit}"
+
+
+def place(one: SetAside | PlaceToRead, waves: bool = False) -> str:
+    """Where a reading was taken, or is to be taken; with `waves` at which wavelength, too."""
+    medium = "" if one.medium == "water" else f" in {one.medium}"
+    wavelength = one.wavelength_nm if isinstance(one, SetAside) and waves else None
+    colour = "" if wavelength is None else f", {wavelength:g} nm"
+    x, y, z = (round(v, PLACE_DECIMALS) + 0.0 for v in (one.x_m, one.y_m, one.z_m))
+    return f"x = {x:.3g}, y = {y:.3g}, z = {z:.3g} m{colour}{medium}"
 
 
 def exactly(one: Estimate) -> str:

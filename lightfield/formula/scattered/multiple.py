@@ -95,7 +95,6 @@ def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: ArrayLike, b: ArrayL
 
     Parameters
     ----------
-    lamp : Lamp
     spread : Spread
         Of the same plane.
     tangent : array, shape (n,)

@@ -58,8 +58,6 @@ def turns(phase: TracedPhase, n: int, up_to_rad: float = math.pi) -> Nodes:
 
     Parameters
     ----------
-    phase : TracedPhase
-    n : int
     up_to_rad : float
         Largest angle; the weights sum to the share of what is scattered by less.
     """

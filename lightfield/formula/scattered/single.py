@@ -167,14 +167,12 @@ def single_paths(
 
     Parameters
     ----------
-    phase : TracedPhase
     half_width_rad : float
         Of the beam, roughly: where nodes are dense.
     radius_m, z_m : arrays, shape (n,), m
         Distance of the places from the axis, and from the window.
     apparent_distance_m : float, m
         Of the source behind the window.
-    resolution : Resolution, optional
     """
     resolution = resolution or Resolution.for_beam(half_width_rad, float((radius_m / z_m).max()))
     behind = z_m + apparent_distance_m

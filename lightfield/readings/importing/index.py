@@ -29,10 +29,8 @@ class Entry:
 
     Parameters
     ----------
-    line : int
     file : str
         As written; `path` is where it is, relative to the index.
-    medium, role : str
     x_m, y_m, z_m, time_s, integration_time_s : float
         nan where not given; x and y are 0.
     spectrum : str

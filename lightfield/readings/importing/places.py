@@ -50,7 +50,6 @@ def read_places(
         unit that the name has in brackets ("depth (cm)") or behind an underscore, else in m and s.
     bands_nm : sequence of (float, float), nm
         The value, where one is named, is that of the only band.
-    problems : Problems
 
     Raises
     ------

@@ -64,7 +64,6 @@ def signal(shot: Shot, unit: str) -> Array:
 
     Parameters
     ----------
-    shot : Shot
     unit : str
         Canonical unit of the numbers in the file, from the user.
 
@@ -138,7 +137,6 @@ def choose_darks(shot: Shot, darks: Sequence[Shot], need_exposure: bool) -> list
 
     Parameters
     ----------
-    shot : Shot
     darks : sequence of Shot
     need_exposure : bool
         Must the exposures be known? Where not, unknown ones match.

@@ -13,6 +13,7 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 NAME = "Avantes"
+UNUSABLE = f"not a usable {NAME} file"
 _SAID = re.compile(
     r"data measured with spectrometer|filename-->|nr of pixels used for smoothing|averaging nr\."
 )
@@ -33,19 +34,12 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> Spectrum:
-    """Read it.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """Read it."""
     problems = Problems(document.where)
     table = find_table(document.lines, problems)
     if table is None:
-        problems.add("there are no spectral data", rule="lines of numbers", remedy="export it again")
-        problems.raise_any(f"not a usable {NAME} file")
-        raise AssertionError  # not reached
+        rule, remedy = "lines of numbers", "export it again"
+        problems.refuse(UNUSABLE, "there are no spectral data", rule=rule, remedy=remedy)
     axis = wavelength_column(table)
     wavelength = table.column(axis, problems, whole=True)
     check_axis(wavelength, table.lines, problems)
@@ -63,7 +57,7 @@ def read(document: Document) -> Spectrum:
         problems.add(
             "no column of the sample", found=", ".join(table.names), remedy="export it with the counts"
         )
-    problems.raise_any(f"not a usable {NAME} file")
+    problems.raise_any(UNUSABLE)
     notes: list[Oddity] = []
     if not document.ended:
         for values in columns.values():

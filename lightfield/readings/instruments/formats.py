@@ -19,7 +19,8 @@ from lightfield.storage.inputs import SPECTRUM, read_bytes
 MOST_PADDING = 20
 #: Readers of bytes: `claims(data)` and `read(data, where)`.
 BINARY: tuple[ModuleType, ...] = (procspec, hyperocr)
-#: Readers of text: `claims(document)` and `read(document)`. The more particular first.
+#: Readers of text: `claims(document)` and `read(document)`, which raises MeasurementError with all problems
+#: of the file and their lines. The more particular first.
 READERS: tuple[ModuleType, ...] = (
     seabass, ramses, avantes, jaz_irradiance, jaz, oceanview, spectrasuite, par, plain,
 )  # fmt: skip

@@ -26,7 +26,6 @@ class Oddity:
 
     Parameters
     ----------
-    odd : Odd
     count, announced : int, optional
         Pixels or frames that it is about; how many its header says there are.
     label, why : str, optional

@@ -13,6 +13,7 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 NAME = "PAR logger"
+UNUSABLE = f"not a usable {NAME} file"
 #: Photosynthetically active radiation, by definition.
 BAND_NM = (400.0, 700.0)
 _NAMED = re.compile(r"(?<![a-z])(par|ppfd|pfd|qntm|quantum)(?![a-z])|[uµμ]mol", re.IGNORECASE)
@@ -35,22 +36,15 @@ def _columns(table: NumberBlock) -> list[int]:
 
 
 def read(document: Document) -> list[Spectrum]:
-    """One number for the band of each row; the column's name is the label.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """One number for the band of each row; the column's name is the label."""
     problems = Problems(document.where)
     table = find_table(document.lines, problems)
     chosen = _columns(table) if table is not None else []
     if table is None or not chosen:
-        problems.add("no column of PAR", rule="a name like PAR, PPFD or quantum, or a unit in umol")
-        problems.raise_any(f"not a usable {NAME} file")
-        raise AssertionError  # not reached
+        named = "a name like PAR, PPFD or quantum, or a unit in umol"
+        problems.refuse(UNUSABLE, "no column of PAR", rule=named)
     values = {k: table.column(k, problems) for k in chosen}
-    problems.raise_any(f"not a usable {NAME} file")
+    problems.raise_any(UNUSABLE)
     header = {"title": document.title, **header_of(table.head)}
     when = next((k for k, cell in enumerate(table.cells[0]) if _CLOCK.search(cell)), None)
     return [

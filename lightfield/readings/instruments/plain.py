@@ -46,21 +46,15 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
 
     Parameters
     ----------
-    document : Document
     mapping : mapping of str to str, optional
         Which column is what (of MEANINGS), by its name or number from 1; the others are left aside.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
     """
     problems = Problems(document.where)
     table = find_table(document.lines, problems)
     if table is None:
-        problems.add("there are no columns of numbers", remedy="export it as text")
-        problems.raise_any("not a usable file of columns")
-        raise AssertionError  # not reached
+        problems.refuse(
+            "not a usable file of columns", "there are no columns of numbers", remedy="export it as text"
+        )
     across = table.across()
     if across and not mapping:
         return _across(document, table, across, problems)

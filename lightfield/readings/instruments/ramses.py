@@ -24,13 +24,7 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> list[Spectrum]:
-    """The calibrated spectra of an export, in its order; those of one device have its name as their label.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """The calibrated spectra of an export, in its order; those of one device have its name as their label."""
     problems = Problems(document.where)
     spectra, raw = [], 0
     for attributes, rows, whole in _blocks(document):

@@ -27,13 +27,7 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> list[Spectrum]:
-    """The spectra of a SeaBASS file: the rows of fields with wavelengths in their names, or columns.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """The spectra of a SeaBASS file: the rows of fields with wavelengths in their names, or columns."""
     problems = Problems(document.where)
     header, end = _header(document.lines, problems)
     names = [name.strip() for name in header.get("fields", "").split(",")]
@@ -41,13 +35,13 @@ def read(document: Document) -> list[Spectrum]:
     problems.raise_any(f"not a usable {NAME} file")
     if len(given) != len(names):
         given = [""] * len(names)
-    missing = {_value(header.get(key, "-999")) for key in ("missing", "below_detection_limit")}
+    missing = {text.number_or_nan(header.get(key, "-999")) for key in ("missing", "below_detection_limit")}
     lines, rows = _rows(document, end, len(names), header.get("delimiter", "space"), problems)
     problems.raise_any(f"not a usable {NAME} file")
     low = [name.lower() for name in names]
     if "wavelength" in low or "lambda" in low:
         axis = low.index("wavelength" if "wavelength" in low else "lambda")
-        wavelength = np.array([_value(row[axis]) for row in rows])
+        wavelength = np.array([text.number_or_nan(row[axis]) for row in rows])
         check_axis(wavelength, lines, problems)
         problems.raise_any(f"not a usable {NAME} file")
         return [
@@ -121,16 +115,9 @@ def _rows(
     return lines, rows
 
 
-def _value(cell: str) -> float:
-    try:
-        return text.parsed_number(cell)
-    except ValueError:
-        return float("nan")
-
-
 def _column(rows: list[list[str]], which: list[int], missing: set[float]) -> Array:
     """Numbers of some fields, shape (n_rows, n_fields); nan where the file says that there is none."""
-    values = np.array([[_value(row[k]) for k in which] for row in rows])
+    values = np.array([[text.number_or_nan(row[k]) for k in which] for row in rows])
     for code in missing:
         values[values == code] = np.nan
     return values

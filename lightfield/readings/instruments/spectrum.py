@@ -28,7 +28,6 @@ class Spectrum:
         nan when the header does not say.
     spectra_averaged, boxcar : int, optional
         Number of spectra in the average; half-width of the smoothing in pixels.
-    spectrometer, date : str
     electric_dark_corrected, nonlinearity_corrected : bool, optional
         None when the header does not say.
     calibration : array, shape (n_pixels,), optional

@@ -27,7 +27,6 @@ class Shape(NamedTuple):
 
     Parameters
     ----------
-    path : str
     usual : float
         Its value in a stored trace.
     nodes : tuple of float
@@ -142,7 +141,6 @@ class BetweenG:
             Or of one node, if the light knows no g.
         shares : array, shape (n_nodes,)
             See `shares`.
-        errors : bool
 
         Returns
         -------

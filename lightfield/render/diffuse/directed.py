@@ -37,15 +37,12 @@ class DirectedTrace:
     ----------
     scene : Scene
         With everything neutral that is reweighed afterwards.
-    grid : Grid
-    reference : Reference
     shapes : tuple of float
         Of the phase function: a trace in each; none where it has no shape.
     classes : tuple of int
         Of light, that are kept.
     photons : tuple of int
         Sent for each shape.
-    seed : int
     """
 
     scene: Scene

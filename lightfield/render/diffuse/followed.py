@@ -38,7 +38,6 @@ class FollowedLight:
 
     Parameters
     ----------
-    field : ScatteredField
     response : DiffuseResponse
         For all light that was reflected, and for what `describes` leaves out, by which it changes the light.
     ratio : array, shape (n_wavelengths, n)

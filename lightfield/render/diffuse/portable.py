@@ -98,8 +98,6 @@ class Portable:
     straight_m, through : arrays, shape (n_cells,)
         Straight line from the lamp; what layers let through.
     smoother : sparse array, shape (n_cells, n_cells)
-    shift : ShiftParts
-    reflections : Reflections, optional
     """
 
     absorption_per_m: float

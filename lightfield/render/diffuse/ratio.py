@@ -78,7 +78,6 @@ class Ratio:
     value : array, shape (n_wavelengths, n_terms)
     root : array, shape (n_wavelengths, n_terms, n_terms)
         Its error: covariance = root @ root.T; all wavelengths share their photons.
-    photons : int
     """
 
     span: tuple[float, float]
@@ -107,7 +106,6 @@ def traced_ratio(
         Places that the ratio is asked for at.
     wavelengths_nm : array, shape (n_wavelengths,)
     photons : float
-    seed : int
 
     Raises
     ------

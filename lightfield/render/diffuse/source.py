@@ -87,7 +87,6 @@ def response_for(
         Trace in water that scatters so much, for `DiffuseResponse.with_denser`.
     g_nodes : sequence of float, optional
         Of what shapes the phase function, in place of those of `between_g.SHAPES`.
-    seed : int
     keeper : Keeper
         Where traces come from.
 

@@ -65,7 +65,6 @@ class TracedLight:
         The classes of light that it tells of, see `light_classes`.
     reference : Reference
         Water and walls that it is made with.
-    between_g : BetweenG
     """
 
     trace: Callable[[], Traced]
@@ -80,7 +79,6 @@ class TracedLight:
         ----------
         a, b : arrays, shape (n_waters,), m^-1
             Absorption and scattering coefficients.
-        kinds : range
         errors : bool
             Without, no noises come with the light.
         """
@@ -136,7 +134,6 @@ class TracedWater:
 
     Parameters
     ----------
-    own_top : TracedLight
     under_surface : TracedLight, optional
         Of a tank that has a lid; for light that was reflected.
     """

@@ -21,13 +21,10 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
 
     Parameters
     ----------
-    scene : Scene
     grid : Grid
         All of its cells are tallied.
-    reference : Reference
     photons : int
         At least; every batch gets whole lanes.
-    seed : int
 
     Returns
     -------

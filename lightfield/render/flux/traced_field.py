@@ -81,9 +81,7 @@ def traced_field(
     ----------
     scene : Scene
         Its detector is not asked.
-    region : Region
     photons : float
-    seed : int
     reference : Reference, optional
         Water to trace in: give scattering here to evaluate waters that scatter from a scene that does not.
     cache : bool

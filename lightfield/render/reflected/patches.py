@@ -90,7 +90,6 @@ def closed(found: Transfer, whole: np.ndarray) -> Transfer:
 
     Parameters
     ----------
-    found : Transfer
     whole : array, shape (n,)
         Sum of the factors of all that a cosine receiver sees, which should be 1; 0 outside of the room.
     """

@@ -26,7 +26,6 @@ class BeamNodes:
 
     Parameters
     ----------
-    nodes : AngleNodes
     hwhm_deg : float
         Typical width; decides how the fit is weighed.
     """

@@ -54,11 +54,8 @@ class BeamTallies:
         One per trace, of which the caller knows what makes them differ (g); of the cells that `images` keeps.
     histories : array of int, shape (n_rows, 3)
         Scatterings, wall hits and surface reflections of each row; classes of light one after the other.
-    beam_nodes : BeamNodes
-    sent : Sent
     cell_z_m : array, shape (n_cells,), m
         Plane by plane.
-    images : MirrorImages
     wall_smoother : sparse array, shape (n_cells, n_cells)
         For light from walls.
     """

@@ -216,7 +216,6 @@ def positions_grid(
         Largest cell, where nothing is small, see `fineness`.
     hwhm_deg : float
         Half width of the beam.
-    tank : Tank, optional
     most_even : int, optional
         More even positions than this that lie closer than the cells of uneven ones are taken as uneven.
     detector : Detector, optional

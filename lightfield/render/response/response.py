@@ -87,7 +87,6 @@ class TransportResponse:
         Path in excess of the straight line.
     straight_m : array, shape (n_planes, n_y, n_x), m
         Straight line from the lamp to each cell, in water.
-    reference : Reference
     photons : int
         Photons traced, all batches together.
     merged : array of int, shape of `straight_m`, optional

@@ -43,7 +43,6 @@ def merge_mirror_images(scene: Scene, grid: Grid) -> Grid:
 
     Parameters
     ----------
-    scene : Scene
     grid : Grid
         Full grid, all cells tallied.
     """

@@ -61,7 +61,6 @@ class Histories:
         Bound on the scatterings of light that was reflected as well.
     longest_excess_m : float, m
         Last node of the excess path; nodes lie at longest (j / (n - 1))^3.
-    path_nodes : int
     nodes : AngleNodes, optional
         Of the direction of emission; None: it is not kept.
     wall_nodes : WallNodes, optional

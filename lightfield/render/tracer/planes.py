@@ -51,7 +51,6 @@ class Planes:
 
     Parameters
     ----------
-    grid : Grid
     receiver : Detector
         Its response to directions; where it is, the grid says.
     lamp_position_m : tuple of 3 floats, m

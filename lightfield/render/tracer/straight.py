@@ -45,11 +45,6 @@ class Launch:
 
     Parameters
     ----------
-    tally : mi.Float
-    problem : TransportProblem
-    absorption : Absorption
-    b0 : mi.Float
-    photons : int
     seed, first : int
         As `walk.trace` takes them: other photons, other lines.
     mirror_x : bool

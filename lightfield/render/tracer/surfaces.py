@@ -78,10 +78,6 @@ class Shapes:
     """Any shapes of a Mitsuba scene; a dielectric reflects, smooth or rough, what it transmits is lost.
 
     A rough one also loses what facets before it shade on its way out (Smith), which `Box` keeps.
-
-    Parameters
-    ----------
-    scene : mi.Scene
     """
 
     reflecting = True
@@ -124,7 +120,6 @@ class Box:
 
     Parameters
     ----------
-    tank : Tank
     wall_albedo : float
         Of a floor as many times more as the tank says.
     surface_reflectance : float, optional

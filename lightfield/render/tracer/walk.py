@@ -85,7 +85,6 @@ def trace(
 
     Parameters
     ----------
-    problem : TransportProblem
     photons : int
         Number of photons of the batch.
     seed : int

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from lightfield.arrays import evenly
 from lightfield.report.style import (
     BAD,
     DATA,
@@ -21,7 +22,6 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Content
-from lightfield.studies.attenuation.text import some
 
 #: Distances and colours that a figure can show apart.
 LINES = 6
@@ -57,7 +57,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
                 ha="center",
             )
         label(left, "wavelength (nm)", "% lost per metre", "What the receiver loses per metre")
-        for k, d in enumerate(distances[some(len(distances), LINES)]):
+        for k, d in enumerate(distances[evenly(len(distances), LINES)]):
             value, error = one.percent(float(d))
             shade = SERIES[k % len(SERIES)]
             right.fill_between(colour, value - error, value + error, color=shade, alpha=0.2, linewidth=0)
@@ -72,7 +72,7 @@ def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
     """ln(water / air) against distance with the fitted straight lines, and what is left over."""
     r, e = one.ratios, one.estimate
     order = np.argsort(r.path_m)
-    chosen = some(len(one.K_per_m), LINES)
+    chosen = evenly(len(one.K_per_m), LINES)
     with panels(2, 3.8, narrow=narrow) as (fig, (upper, lower)):
         for k, colour in enumerate(chosen):
             shade = SERIES[k % len(SERIES)]

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 from lightfield.report.attenuation.figures import content_figure, hidden_figure, lines_figure, percent_figure
 from lightfield.report.page import SideBySide, page_figure
-from lightfield.report.sections import Section, Table, study_page, write_study
+from lightfield.report.sections import Section, Table, study_page
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.study import Attenuation, Content
 from lightfield.studies.attenuation.text import (
@@ -29,24 +26,19 @@ ROWS = 14
 
 
 def attenuation_page(found: Attenuation) -> str:
-    """The page.
-
-    Parameters
-    ----------
-    found : Attenuation
-    """
+    """The page."""
     first = found.apparent[0]
     sections = [_apparent(one, k) for k, one in enumerate(found.apparent)]
     if found.scattered is not None:
-        drawing, narrow = (
-            hidden_figure(first, found.scattered, found.content, one_a_row) for one_a_row in (False, True)
-        )
         caption = SideBySide(
             "scattered light that still arrives hides a part of the loss, so K lies between absorption "
             "and beam attenuation.",
             "the waters that the layout allows, with one standard error.",
         )
-        hidden = page_figure(drawing, "hidden", caption, "K between a and c; a against b as told", narrow)
+        hidden = page_figure(
+            "hidden", caption, "K between a and c; a against b as told",
+            hidden_figure, first, found.scattered, found.content,
+        )  # fmt: skip
         sections.append(
             Section(
                 "What K hides", (hidden,), (*scattered_sentences(found.scattered), *scene_sentences(found))
@@ -65,20 +57,12 @@ def attenuation_page(found: Attenuation) -> str:
     return study_page(title, headline(first), lead, sections, scene.to_toml())
 
 
-def write_attenuation(found: Attenuation, path: str | os.PathLike[str]) -> Path:
-    """Write the page, whole or not at all."""
-    return write_study(attenuation_page(found), path)
-
-
 def _content(found: Content) -> Section:
     caption = (
         "Maximum of the likelihood, intervals of 68 % (thick) and 95 % (thin). Diamonds: with another phase "
         "function. All models see the same readings."
     )
-    drawing = page_figure(
-        content_figure(found), "content", caption, "Each constituent by each model",
-        content_figure(found, narrow=True),
-    )  # fmt: skip
+    drawing = page_figure("content", caption, "Each constituent by each model", content_figure, found)
     table = Table(
         "Intervals of 68 % from the profile of the likelihood.", content_head(found), content_rows(found)
     )
@@ -93,14 +77,13 @@ def _apparent(one: Apparent, number: int) -> Section:
         f"Apparent attenuation, {quantity}",
         (
             page_figure(
-                percent_figure(one),
                 f"percent{number}",
                 "Bands of one standard error. Grey: 500 to 550 nm, the band of the tow tank experiment.",
                 "Light lost per metre and over each distance, against wavelength",
-                percent_figure(one, narrow=True),
+                percent_figure,
+                one,
             ),
             page_figure(
-                lines_figure(one),
                 f"lines{number}",
                 SideBySide(
                     "logarithms of the ratios with their fitted lines.",
@@ -108,7 +91,8 @@ def _apparent(one: Apparent, number: int) -> Section:
                     "as fitted.",
                 ),
                 "Logarithm of water over air against distance, and residuals",
-                lines_figure(one, narrow=True),
+                lines_figure,
+                one,
             ),
         ),
         (fit_sentence(one), *published_sentences(one)),

@@ -83,7 +83,6 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
 
     Parameters
     ----------
-    comparison : Comparison
     attributes : mapping
         Global attributes of the data set: provenance and energy.
     """
@@ -93,31 +92,33 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
         key = f"w{wavelength:g}".replace(".", "p")
         figures = [
             page_figure(
-                maps_figure(planes, comparison.units, comparison.quantity),
                 f"{key}-maps",
                 "Light on each plane, rendered and by the formula, and the error of the formula. Inside "
                 "the dashed line it is within 5 %, inside the solid line within 10 %. Looking at the lamp: "
                 "+x is right, +y up.",
                 "Maps of render, formula and relative error on each plane",
-                maps_figure(planes, comparison.units, comparison.quantity, narrow=True),
+                maps_figure,
+                planes,
+                comparison.units,
+                comparison.quantity,
             ),
             page_figure(
-                radial_figure(planes),
                 f"{key}-radial",
                 "Means over rings around the lamp's axis, with bands of three standard errors. Grey zones: "
                 "5 % and 10 %.",
                 "Radial profiles of render and formula and the error of the formula",
-                radial_figure(planes, narrow=True),
+                radial_figure,
+                planes,
             ),
         ]
         if len(planes) > 1:
             figures.append(
                 page_figure(
-                    axial_figure(planes),
                     f"{key}-axial",
                     "Along the tank. All carry three standard errors, mostly smaller than the symbol.",
                     "Brightness on the axis, half width and lost light against distance",
-                    axial_figure(planes, narrow=True),
+                    axial_figure,
+                    planes,
                 )
             )
         body = [

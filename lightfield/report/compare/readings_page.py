@@ -47,15 +47,14 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
     draw, where = (measured_figure, place_map) if view.is_scattered else (data_figure, residual_map)
     seen = [
         page_figure(
-            draw(view), "data", "Readings, the base model and the newest rung.",
-            "Readings and models", draw(view, narrow=True),
+            "data", "Readings, the base model and the newest rung.", "Readings and models", draw, view,
         )
     ]  # fmt: skip
     if view.scan_axis != "z_m" or view.is_scattered:
         seen.append(
             page_figure(
-                where(view), "residuals", "Red: brighter than the model, blue: darker.",
-                "Residuals by position", None if view.is_grid else where(view, narrow=True),
+                "residuals", "Red: brighter than the model, blue: darker.", "Residuals by position",
+                where, view, narrow=not view.is_grid,
             )
         )  # fmt: skip
     parameters = [
@@ -67,9 +66,9 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
             "The error, rung by rung",
             figures=[
                 page_figure(
-                    ladder_figure(rungs, floor), "ladder",
+                    "ladder",
                     "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
-                    "Error of each rung against the noise floor", ladder_figure(rungs, floor, narrow=True),
+                    "Error of each rung against the noise floor", ladder_figure, rungs, floor,
                 )
             ],
             tables=[

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lightfield.diagnosis.verdict.parts import LeftOver
-from lightfield.diagnosis.verdict.words import UNITS
+from lightfield.diagnosis.verdict.speech import UNITS
 from lightfield.fitting.fitted_curves import PLACES, FittedCurve
 from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH, figure, label, percent_axis
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
+from lightfield.arrays import Array, evenly
 from lightfield.report.diagnosis.view import DiagnosisView, Group, ReadingsView
 from lightfield.report.style import (
     DATA,
@@ -113,9 +116,31 @@ def steps(view: ReadingsView) -> list[tuple[int, str]]:
 
 def few(panels: list[Group], most: int) -> list[Group]:
     """First, last and evenly chosen panels between."""
-    if len(panels) <= most:
-        return panels
-    return [panels[i] for i in np.unique(np.linspace(0, len(panels) - 1, most).round().astype(int))]
+    return [panels[i] for i in evenly(len(panels), most)]
+
+
+def misfit_dots(
+    axis: Axes, view: ReadingsView, step: int, x: Array, y: Array, rows: Any = slice(None)
+) -> PathCollection:
+    """Readings at their places, coloured by what a model leaves of them; those left out are small."""
+    readings = view.readings
+    first = view.residual_sigma(0)[~readings.left_out]
+    scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
+    return axis.scatter(
+        x, y, c=view.residual_sigma(step)[rows], cmap=RED_BLUE, vmin=-scale, vmax=scale,
+        s=np.where(readings.left_out[rows], 8, 34), edgecolors=MUTED, linewidths=0.4,
+    )  # fmt: skip
+
+
+def misfit_bar(fig: Figure, dots: PathCollection, axes: Iterable[Axes]) -> None:
+    """What the colours of `misfit_dots` mean."""
+    bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
+    bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
+
+
+def rms_title(view: ReadingsView, step: int, name: str) -> str:
+    residual = view.residual_sigma(step)[~view.readings.left_out]
+    return f"{name}: rms {float(np.sqrt(np.nanmean(residual**2))):.1f} σ"
 
 
 def _over_decades(axis: Axes, value: np.ndarray) -> None:
@@ -150,30 +175,17 @@ def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
     shown = steps(view)
     readings, scan = view.readings, view.scan_axis
     across = readings.y_m if scan == "y_m" else readings.x_m
-    first = view.residual_sigma(0)[~readings.left_out]
-    scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
     high = 1.3 + 0.55 * min(max(np.unique(readings.z_m).size, 2), 6)
     with figure(NARROW if narrow else WIDTH, high * (len(shown) if narrow else 1)) as fig:
         grid = (len(shown), 1) if narrow else (1, len(shown))
         axes = fig.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
         for axis, (step, name) in zip(axes, shown, strict=True):
-            dots = axis.scatter(
-                across,
-                _spread(readings.z_m, readings.wavelength_nm, readings.medium),
-                c=view.residual_sigma(step),
-                cmap=RED_BLUE,
-                vmin=-scale,
-                vmax=scale,
-                s=np.where(readings.left_out, 8, 34),
-                edgecolors=MUTED,
-                linewidths=0.4,
-            )
-            rms = float(np.sqrt(np.nanmean(view.residual_sigma(step)[~readings.left_out] ** 2)))
-            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", f"{name}: rms {rms:.1f} σ")
+            high_up = _spread(readings.z_m, readings.wavelength_nm, readings.medium)
+            dots = misfit_dots(axis, view, step, across, high_up)
+            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", rms_title(view, step, name))
             axis.margins(0.06, 0.12)
         axes[0].set_ylabel("z (m)")
-        bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
-        bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
+        misfit_bar(fig, dots, axes)
     return fig
 
 
@@ -182,32 +194,19 @@ def _grid_map(view: ReadingsView) -> Figure:
     groups = few(view.groups(), MOST_PANELS)
     rungs = [step for step, _ in steps(view)]
     readings = view.readings
-    first = view.residual_sigma(0)[~readings.left_out]
-    scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
     with figure(WIDTH, 0.8 + 2.1 * len(rungs)) as fig:
         axes = fig.subplots(len(rungs), len(groups), squeeze=False, sharex=True, sharey=True)
         for row, step in zip(axes, rungs, strict=True):
-            residual = view.residual_sigma(step)
             for axis, group in zip(row, groups, strict=True):
-                dots = axis.scatter(
-                    readings.x_m[group.rows],
-                    readings.y_m[group.rows],
-                    c=residual[group.rows],
-                    cmap=RED_BLUE,
-                    vmin=-scale,
-                    vmax=scale,
-                    s=np.where(readings.left_out[group.rows], 8, 34),
-                    edgecolors=MUTED,
-                    linewidths=0.4,
-                )
+                at = group.rows
+                dots = misfit_dots(axis, view, step, readings.x_m[at], readings.y_m[at], at)
                 axis.margins(0.12)
             row[0].set_ylabel(f"{view.predictions[step].short_name}\ny (m)")
         for axis, group in zip(axes[0], groups, strict=True):
             axis.set_title(group.label)
         for axis in axes[-1]:
             axis.set_xlabel("x (m)")
-        bar = fig.colorbar(dots, ax=axes.ravel().tolist(), extend="both", pad=0.015, aspect=22)
-        bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
+        misfit_bar(fig, dots, axes.ravel())
         say_left_out(fig, len(groups), len(view.groups()))
     return fig
 

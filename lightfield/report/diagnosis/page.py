@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
-from lightfield.diagnosis.verdict.found.found_words import effect_size, instead
 from lightfield.diagnosis.verdict.next_measurement import what_next
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
     FoundEffect,
     NearestRival,
+    PlaceToRead,
     Rung,
     SetAside,
     WaterAndBeam,
 )
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
-from lightfield.diagnosis.verdict.stated import stated_lines
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.diagnosis.verdict.words.effects import effect_size, instead
+from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
 from lightfield.report.diagnosis.figures import (
@@ -33,7 +33,7 @@ from lightfield.report.diagnosis.figures import (
 from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView
-from lightfield.report.page import PageFigure, fill, page_figure, write_page
+from lightfield.report.page import PageFigure, fill, page_figure
 from lightfield.report.tank import tank_figure
 
 TAGS = {
@@ -42,16 +42,13 @@ TAGS = {
     "ambiguous": ("open", "cannot be told apart"),
     "unexplained": ("bad", "unexplained"),
 }
+#: Names of the figures.
+DRAWN = ("data", "residuals", "ladder", "tank", "curves", "left", "signatures", "separation")
 #: Sigma and gaps beyond this are one: surely there.
 MANY = 1000.0
 FORMULA_IS_NOT_CAUSE = (
     "An effect is named for the formula that explains the readings; a formula that fits is not yet the cause."
 )
-
-
-def write_diagnosis(view: DiagnosisView, path: str | os.PathLike[str]) -> Path:
-    """Write the page, whole or not at all."""
-    return write_page(diagnosis_page(view), path)
 
 
 def diagnosis_page(view: DiagnosisView) -> str:
@@ -63,77 +60,8 @@ def diagnosis_page(view: DiagnosisView) -> str:
     """
     verdict = view.verdict
     kind, text = TAGS[verdict.verdict]
-    readings = view.readings
     advice = verdict.next_measurement
     spots = advice.readings if advice else []
-    figures: dict[str, PageFigure | None] = {
-        "data": _readings_figure(view),
-        "residuals": page_figure(
-            place_map(view) if view.is_scattered else residual_map(view),
-            "residuals",
-            "Every reading at its place; red: brighter than the model, blue: darker. Small: left out.",
-            "Residuals by position",
-            None if view.is_grid else (place_map if view.is_scattered else residual_map)(view, narrow=True),
-        ),
-        "ladder": page_figure(
-            ladder_figure(verdict.ladder, verdict.noise_floor_percent),
-            "ladder",
-            "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
-            "Error of each rung of the ladder against the noise floor",
-            ladder_figure(verdict.ladder, verdict.noise_floor_percent, narrow=True),
-        ),
-        "tank": page_figure(
-            tank_figure(readings.x_m, readings.y_m, readings.z_m, view.tank, spots, view.hwhm_deg),
-            "tank",
-            "Readings taken, and stars where the next ones decide most." if spots else "Readings taken.",
-            "Tank from above and from the side with positions of readings",
-            tank_figure(
-                readings.x_m, readings.y_m, readings.z_m, view.tank, spots, view.hwhm_deg, narrow=True
-            ),
-        ),
-        "curves": None,
-        "left": None,
-        "signatures": None,
-        "separation": None,
-    }
-    if view.scan_axis == "z_m" and not view.is_scattered:  # a map of points on one line shows nothing more
-        figures["residuals"] = None
-    if view.curves:
-        figures["curves"] = page_figure(
-            curve_figure(view.curves),
-            "curves",
-            "What the explanation says of lamp, water or time as a curve: above against the model without "
-            "it, below the band of its two standard errors.",
-            "Fitted curves with their errors",
-            curve_figure(view.curves, narrow=True),
-        )
-    if verdict.left_over:
-        figures["left"] = page_figure(
-            left_figure(verdict.left_over),
-            "left",
-            "Where the rest lies that nothing explains. Lines: factors on the light that would make it good, "
-            "with two standard errors. Dots: readings over the model without them. No explanations.",
-            "Local unknowns along their coordinates",
-            left_figure(verdict.left_over, narrow=True),
-        )
-    if view.signatures:
-        figures["signatures"] = page_figure(
-            signature_figure(view),
-            "signatures",
-            "Dots: what the base model leaves. Lines: what each accepted explanation adds, all else "
-            "refitted. Lines that lie on each other cannot be told apart by these readings.",
-            "Signatures of the accepted explanations over the residual",
-            signature_figure(view, narrow=True),
-        )
-    if view.separation is not None and len(view.separation.names) > 1:
-        figures["separation"] = page_figure(
-            separation_figure(view.separation),
-            "separation",
-            "Row: the truth, as fitted. Column: the nearest that the other explanation can come, in sigma. "
-            "Under 3 (bold) they form one class; above 6 they are told apart safely.",
-            "Matrix of separations between explanations",
-            separation_figure(view.separation, narrow=True),
-        )
     return fill(
         "diagnosis.html",
         title=view.title,
@@ -157,30 +85,77 @@ def diagnosis_page(view: DiagnosisView) -> str:
         aside=[_aside(each) for each in verdict.set_aside],
         provenance=view.provenance,
         scene_toml=view.scene_toml,
-        **figures,
+        **_figures(view, spots),
     )
 
 
-def _readings_figure(view: DiagnosisView) -> PageFigure:
-    """Readings and models: along their scans, or measured against model where they are single places."""
+def _figures(view: DiagnosisView, spots: Sequence[PlaceToRead]) -> dict[str, PageFigure | None]:
+    """What the page draws, by name; None where there is nothing to show.
+
+    Parameters
+    ----------
+    spots : sequence of PlaceToRead
+        Where to read next.
+    """
+    verdict, readings = view.verdict, view.readings
+    told: dict[str, tuple[Any, ...] | None] = dict.fromkeys(DRAWN)  # caption, what it is, and how it is drawn
     if view.is_scattered:
-        return page_figure(
-            measured_figure(view),
-            "data",
+        told["data"] = (
             "Each reading with its error against what the model says of its place: on the line they agree. "
             "Over the decades of the readings, which share no scan.",
-            "Readings against models at single places",
-            measured_figure(view, narrow=True),
-        )
-    return page_figure(
-        data_figure(view),
-        "data",
-        "Above: readings with their errors, base model (dashed) and, where there is one, the explained "
-        "model with its one-sigma band, over decades where they span some. Below: what is left, open for the "
-        "base model, filled for the explained one.",
-        "Readings and models per plane with residuals",
-        data_figure(view, narrow=True),
-    )
+            "Readings against models at single places", measured_figure, view,
+        )  # fmt: skip
+    else:
+        told["data"] = (
+            "Above: readings with their errors, base model (dashed) and, where there is one, the explained "
+            "model with its one-sigma band, over decades where they span some. Below: what is left, open for "
+            "the base model, filled for the explained one.",
+            "Readings and models per plane with residuals", data_figure, view,
+        )  # fmt: skip
+    if view.scan_axis != "z_m" or view.is_scattered:  # a map of points on one line shows nothing more
+        told["residuals"] = (
+            "Every reading at its place; red: brighter than the model, blue: darker. Small: left out.",
+            "Residuals by position", place_map if view.is_scattered else residual_map, view,
+        )  # fmt: skip
+    told["ladder"] = (
+        "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
+        "Error of each rung of the ladder against the noise floor",
+        ladder_figure, verdict.ladder, verdict.noise_floor_percent,
+    )  # fmt: skip
+    told["tank"] = (
+        "Readings taken, and stars where the next ones decide most." if spots else "Readings taken.",
+        "Tank from above and from the side with positions of readings",
+        tank_figure, readings.x_m, readings.y_m, readings.z_m, view.tank, spots, view.hwhm_deg,
+    )  # fmt: skip
+    if view.curves:
+        told["curves"] = (
+            "What the explanation says of lamp, water or time as a curve: above against the model without "
+            "it, below the band of its two standard errors.",
+            "Fitted curves with their errors", curve_figure, view.curves,
+        )  # fmt: skip
+    if verdict.left_over:
+        told["left"] = (
+            "Where the rest lies that nothing explains. Lines: factors on the light that would make it good, "
+            "with two standard errors. Dots: readings over the model without them. No explanations.",
+            "Local unknowns along their coordinates", left_figure, verdict.left_over,
+        )  # fmt: skip
+    if view.signatures:
+        told["signatures"] = (
+            "Dots: what the base model leaves. Lines: what each accepted explanation adds, all else "
+            "refitted. Lines that lie on each other cannot be told apart by these readings.",
+            "Signatures of the accepted explanations over the residual", signature_figure, view,
+        )  # fmt: skip
+    if view.separation is not None and len(view.separation.names) > 1:
+        told["separation"] = (
+            "Row: the truth, as fitted. Column: the nearest that the other explanation can come, in sigma. "
+            "Under 3 (bold) they form one class; above 6 they are told apart safely.",
+            "Matrix of separations between explanations", separation_figure, view.separation,
+        )  # fmt: skip
+    wide = "residuals" if view.is_grid else ""  # scrolls on a telephone
+    return {
+        name: page_figure(name, *about, narrow=name != wide) if about else None
+        for name, about in told.items()
+    }
 
 
 def _aside(each: SetAside) -> list[str]:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from lightfield.report.diagnosis.figures import MOST_DECADES, NARROW, RED_BLUE, steps
+from lightfield.report.diagnosis.figures import (
+    MOST_DECADES,
+    NARROW,
+    misfit_bar,
+    misfit_dots,
+    rms_title,
+    steps,
+)
 from lightfield.report.diagnosis.view import ReadingsView
 from lightfield.report.style import FORMULA, MUTED, RENDER, WIDTH, figure, label
 
@@ -42,22 +49,13 @@ def measured_figure(view: ReadingsView, narrow: bool = False) -> Figure:
 def place_map(view: ReadingsView, narrow: bool = False) -> Figure:
     """Where the misfit of single places lives: distance from the axis over distance along it."""
     readings, shown = view.readings, steps(view)
-    first = view.residual_sigma(0)[~readings.left_out]
-    scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
     size = (NARROW, 0.8 + 2.4 * len(shown)) if narrow else (WIDTH, 3.4)
     with figure(*size) as fig:
         grid = (len(shown), 1) if narrow else (1, len(shown))
         axes = fig.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
         for axis, (step, name) in zip(axes, shown, strict=True):
-            residual = view.residual_sigma(step)
-            dots = axis.scatter(
-                readings.z_m, np.hypot(readings.x_m, readings.y_m), c=residual, cmap=RED_BLUE,
-                vmin=-scale, vmax=scale, s=np.where(readings.left_out, 8, 34), edgecolors=MUTED,
-                linewidths=0.4,
-            )  # fmt: skip
-            rms = float(np.sqrt(np.nanmean(residual[~readings.left_out] ** 2)))
-            label(axis, "z (m)", "r (m), from the axis", f"{name}: rms {rms:.1f} σ")
+            dots = misfit_dots(axis, view, step, readings.z_m, np.hypot(readings.x_m, readings.y_m))
+            label(axis, "z (m)", "r (m), from the axis", rms_title(view, step, name))
             axis.margins(0.06, 0.12)
-        bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
-        bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
+        misfit_bar(fig, dots, axes)
     return fig

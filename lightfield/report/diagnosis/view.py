@@ -48,7 +48,6 @@ class Signature:
 
     Parameters
     ----------
-    label : str
     change : array, shape (n,), unit of the readings
         Prediction with the explanation, all else refitted, less the prediction of the refitted base model.
     """
@@ -110,7 +109,6 @@ class ReadingsView:
 
     Parameters
     ----------
-    readings : DrawnReadings
     predictions : sequence of Prediction
         Base model first, best explanation last; one for "nothing missing".
     """
@@ -176,14 +174,10 @@ class DiagnosisView(ReadingsView):
     ----------
     readings, predictions
         See `ReadingsView`.
-    verdict : Verdict
     signatures : sequence of Signature
         Accepted explanations, best first.
-    separation : Separation, optional
-    tank : Tank, optional
     hwhm_deg : float
         Half width of the lamp's beam, to draw it.
-    title : str
     provenance : sequence of (name, value)
     scene_toml : str
         The fitted scene.

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 import xarray as xr
 
 from lightfield.report.follower.follow_figures import MOST_ROWS, strip_figure, sweep_figure, way_figure
-from lightfield.report.follower.page import light_in_words, section, write
+from lightfield.report.follower.page import light_in_words, page, section
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table
 from lightfield.scene import Scene
@@ -27,8 +24,8 @@ SHOWN = (
 ON_OCCASION = ("standoff_at_end", "overshoot", "without_light", "back_after", "outside")
 
 
-def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
-    """Write the page."""
+def following_page(found: Following) -> str:
+    """The page."""
     cases = found.cases
     first = cases[0]
     docking = any(one.mission.task == "dock" for one in cases)
@@ -42,13 +39,13 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
             "From above",
             [
                 page_figure(
-                    strip_figure(cases),
                     "strip",
                     "The most typical run of every follower. Circle: the lamp, with its light; green: where "
                     "the follower should be; filled: where it is; dashed outline: where it takes itself to "
                     "be. Across is stretched, and the vehicle is drawn larger than it is." + cut,
                     "Film strip of the followers from above",
-                    strip_figure(cases, narrow=True),
+                    strip_figure,
+                    cases,
                 )
             ],
         ),
@@ -56,13 +53,13 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
             "Over time",
             [
                 page_figure(
-                    way_figure(cases),
                     "way",
                     f"Thin: each of {count} runs, with noise, gain and water of its own as far as the scene "
                     "says that they are not known. Thick: their mean. Grey band: dark; green band: the water "
                     "changes.",
                     "Distance and offset over time",
-                    way_figure(cases, narrow=True),
+                    way_figure,
+                    cases,
                 )
             ],
             text=["; ".join(f"{n.replace('_', ' ')}: {METRICS[n][1]}" for n in names) + "."],
@@ -85,11 +82,11 @@ def write_following(found: Following, path: str | os.PathLike[str]) -> Path:
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
     verdict = found.verdict.replace("+-", "±") + "."
-    return write(path, title, verdict, lead, sections, first.scene, origin)
+    return page(title, verdict, lead, sections, first.scene, origin)
 
 
-def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
-    """Write the page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
+def follow_sweep_page(data: xr.Dataset) -> str:
+    """The page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
     scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
     mission = follower_in(scene.follower, scene.tank).mission
     runs = int(data.attrs["runs"])
@@ -114,9 +111,8 @@ def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
             f"{metric.capitalize()} over {axes[0]}",
             [
                 page_figure(
-                    sweep_figure(data, axes, metric), "sweep",
-                    f"{meaning.capitalize()} ({unit}); bars: scatter from run to run.",
-                    "A metric over parameters", sweep_figure(data, axes, metric, narrow=True),
+                    "sweep", f"{meaning.capitalize()} ({unit}); bars: scatter from run to run.",
+                    "A metric over parameters", sweep_figure, data, axes, metric,
                 )
             ],
             "Mean of the runs ± scatter from run to run.",
@@ -124,7 +120,7 @@ def write_follow_sweep(data: xr.Dataset, path: str | os.PathLike[str]) -> Path:
             rows,
         )
     ]  # fmt: skip
-    return write(path, "Following over parameters", verdict, [], sections, scene)
+    return page("Following over parameters", verdict, [], sections, scene)
 
 
 def _matters(one: Followed, name: str) -> bool:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -15,8 +13,8 @@ from lightfield.report.follower.array_figures import (
     map_figure,
     survey_figure,
 )
-from lightfield.report.page import PageFigure, SideBySide, fill, page_figure, write_page
-from lightfield.report.sections import Section, Table
+from lightfield.report.page import PageFigure, SideBySide, page_figure
+from lightfield.report.sections import Section, Table, study_page
 from lightfield.scene import Scene
 from lightfield.studies.follower.design import Arrays
 from lightfield.studies.follower.frames import in_degrees
@@ -41,26 +39,18 @@ def section(
     return Section(title, figures, tables=[Table(caption, head, rows, words)] if rows else ())
 
 
-def write(
-    path: str | os.PathLike[str],
+def page(
     title: str,
     verdict: str,
     lead: Sequence[str],
     sections: Sequence[Section],
     scene: Scene,
     provenance: Sequence[tuple[str, str]] = (),
-) -> Path:
-    """Write a page, whole or not at all."""
-    html = fill(
-        "study.html",
-        title=f"{title}: {scene.name}" if scene.name else title,
-        verdict=verdict,
-        lead=lead,
-        sections=sections,
-        provenance=[*provenance, ("scene", scene.digest()[:16]), ("left out", NOT_MODELLED)],
-        scene_toml=scene.to_toml(),
-    )
-    return write_page(html, path)
+) -> str:
+    """A page of a follower in a scene."""
+    title = f"{title}: {scene.name}" if scene.name else title
+    origin = [*provenance, ("scene", scene.digest()[:16]), ("left out", NOT_MODELLED)]
+    return study_page(title, verdict, lead, sections, scene.to_toml(), origin)
 
 
 def light_in_words(traced: bool) -> str:
@@ -86,7 +76,7 @@ def bound_head(one: Bound) -> list[str]:
     return ["where", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in one.names), "x with yaw", "A"]
 
 
-def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
+def survey_page(survey: Survey) -> str:
     """Page of `array show`."""
     place = in_degrees(survey.here.pose)
     rows = [bound_row(f"axis, z = {one.pose[2]:g} m", one) for one in survey.axis]
@@ -99,7 +89,6 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
             "What one reading can tell",
             [
                 page_figure(
-                    survey_figure(survey),
                     "array",
                     SideBySide(
                         "the elements and where they face.",
@@ -107,7 +96,8 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
                         "allows; numbers in mm and degrees.",
                     ),
                     "Array and bounds",
-                    survey_figure(survey, narrow=True),
+                    survey_figure,
+                    survey,
                 )
             ],
             "One standard deviation of the best unbiased estimate from one reading of all elements. A: sum "
@@ -119,12 +109,12 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
             "Over the formation space",
             [
                 page_figure(
-                    map_figure(survey),
                     "maps",
                     "From above, lamp below, follower facing along the tank. Dark: poorly known. Red line: "
                     "what docking allows. Circle: the scene's pose. Per cent: part of the space good enough.",
                     "Maps of the bounds",
-                    map_figure(survey, narrow=True),
+                    map_figure,
+                    survey,
                 )
             ],
         ),
@@ -152,10 +142,10 @@ def write_survey(survey: Survey, path: str | os.PathLike[str]) -> Path:
     unknown = ", ".join(f"{k} (standard deviation {v:.3g})" for k, v in survey.nuisances.items()) or "nothing"
     origin = [("light", light_in_words(survey.traced)), ("unknown beside the pose", unknown)]
     lead = ["Docking asks for 0.1 m across, 0.3 m along the beam and 5 degrees."]
-    return write(path, "Detector array", verdict, lead, sections, survey.scene, origin)
+    return page("Detector array", verdict, lead, sections, survey.scene, origin)
 
 
-def write_arrays(found: Arrays, path: str | os.PathLike[str]) -> Path:
+def arrays_page(found: Arrays) -> str:
     """Page of `array compare` and `array optimise`."""
     best, worst = found.arrays[0], found.arrays[-1]
     rows = [
@@ -176,10 +166,10 @@ def write_arrays(found: Arrays, path: str | os.PathLike[str]) -> Path:
             "Side by side",
             [
                 page_figure(
-                    comparison_figure(found.arrays), "arrays",
+                    "arrays",
                     "Every array as the lamp sees it; arrows: where its elements face. Bars: sum of the "
                     "variances, smaller is better; a factor of 4 is half the error.",
-                    "Arrays side by side", comparison_figure(found.arrays, narrow=True),
+                    "Arrays side by side", comparison_figure, found.arrays,
                 )
             ],
             f"Root mean square bounds over the poses of the task ({found.task}).",
@@ -203,4 +193,4 @@ def write_arrays(found: Arrays, path: str | os.PathLike[str]) -> Path:
         "Compared by A: the sum of the variances of the pose in units of 1 cm across, 10 cm along, 1 degree."
     ]
     origin = [("light", light_in_words(found.traced)), ("task", found.task)]
-    return write(path, "Detector arrays", verdict, lead, sections, found.scene, origin)
+    return page("Detector arrays", verdict, lead, sections, found.scene, origin)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import numpy as np
 
-from lightfield.report.follower.page import light_in_words, section, write
+from lightfield.report.follower.page import light_in_words, page, section
 from lightfield.report.follower.pose_figures import bias_figure, plane_figure, sequence_figure
 from lightfield.report.page import page_figure
 from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy, told_bias
@@ -19,7 +16,7 @@ from lightfield.studies.follower.sequence import Poses
 MOST_ROWS = 40
 
 
-def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
+def bias_page(study: BiasStudy) -> str:
     """Page of `pose bias`."""
     axis = study.axis
     rows = []
@@ -49,10 +46,10 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
             "Along the beam, in ever more turbid water",
             [
                 page_figure(
-                    bias_figure(study), "bias", "Above zero the follower believes to be farther away "
-                    "than it is, and comes too near. Bars: two standard deviations of the noise of "
-                    "one reading. Grey: 0.3 m.",
-                    "Bias against scattering", bias_figure(study, narrow=True),
+                    "bias",
+                    "Above zero the follower believes to be farther away than it is, and comes too near. "
+                    "Bars: two standard deviations of the noise of one reading. Grey: 0.3 m.",
+                    "Bias against scattering", bias_figure, study,
                 )
             ],
             "Believed less true distance on the axis, mm, ± noise of one reading ± error of the trace. "
@@ -65,9 +62,10 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
             f"Over the formation space, b = {own:g} per metre",
             [
                 page_figure(
-                    plane_figure(study), "plane", "From above, lamp below. Every arrow begins where "
-                    "the follower is and ends where it believes to be.", "Map of the bias",
-                    plane_figure(study, narrow=True),
+                    "plane",
+                    "From above, lamp below. Every arrow begins where the follower is and ends where it "
+                    "believes to be.",
+                    "Map of the bias", plane_figure, study,
                 )
             ],
         ),
@@ -78,8 +76,7 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
         f"axis in this water; with K and gain from water of b = {CLEAR_PER_M:g} per metre; and with relative "
         "readings only."
     ]
-    return write(
-        path,
+    return page(
         "Bias of the formula",
         verdict,
         lead,
@@ -89,7 +86,7 @@ def write_bias(study: BiasStudy, path: str | os.PathLike[str]) -> Path:
     )
 
 
-def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
+def poses_page(poses: Poses) -> str:
     """Page of `pose estimate`."""
     rows = []
     for k, one in enumerate(poses.estimates[:MOST_ROWS]):
@@ -121,12 +118,7 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
     sections = [
         section(
             "The way",
-            [
-                page_figure(
-                    sequence_figure(poses), "way", caption, "Poses over time",
-                    sequence_figure(poses, narrow=True),
-                )
-            ],
+            [page_figure("way", caption, "Poses over time", sequence_figure, poses)],
             "Pose, with one standard deviation of all that is not known (noise, gain, water)." + cut,
             ["time (s)", *(f"{n} ({'m' if n in 'xyz' else 'deg'})" for n in poses.names), "fit (chi2)"],
             rows,
@@ -134,6 +126,4 @@ def write_poses(poses: Poses, path: str | os.PathLike[str]) -> Path:
         )
     ]  # fmt: skip
     lead = [f"{one.as_text().capitalize()}." for one in poses.losses]
-    return write(
-        path, "Pose", verdict, lead, sections, poses.scene, [("light", light_in_words(poses.traced))]
-    )
+    return page("Pose", verdict, lead, sections, poses.scene, [("light", light_in_words(poses.traced))])

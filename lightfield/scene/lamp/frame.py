@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import beam_table
-
-if TYPE_CHECKING:
-    from lightfield.scene.lamp.lamp import Lamp
 
 Axis = tuple[float, float, float]
 

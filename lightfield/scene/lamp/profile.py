@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.curve import value_at
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import BeamTable, beam_table
-
-if TYPE_CHECKING:
-    from lightfield.scene.lamp.lamp import Lamp
 
 LN2 = math.log(2.0)
 HALF_PI = 0.5 * math.pi

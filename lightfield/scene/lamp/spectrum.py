@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.scene.curve import value_at
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.spectral import peaks
 from lightfield.storage.tables import read_columns
-
-if TYPE_CHECKING:
-    from lightfield.scene.lamp.lamp import Lamp
 
 SECOND_RADIATION_NM_K = 1.438776877e7  # h c / k, CODATA 2018 (exact in the SI)
 ILLUMINANT_A_NM = 1.435e7 / 2848.0  # h c / (k T) as the CIE fixes it: 2855.5 K on today's scale

@@ -5,18 +5,15 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import SHARED_ERROR
 from lightfield.scene.lamp.profile import sections_of
 from lightfield.scene.lamp.spectrum import knots_nm, spectral_power
 from lightfield.storage.files import atomic_path
-
-if TYPE_CHECKING:
-    from lightfield.scene.lamp.lamp import Lamp
 
 #: Even steps up to the last angle that counts, then ever larger ones to the side: linear between them, a beam
 #: is right to 1e-4 of its axis (test_tabulated.py).

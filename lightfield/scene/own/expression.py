@@ -63,10 +63,6 @@ RULE = (
 class Expression:
     """A formula.
 
-    Parameters
-    ----------
-    text : str
-
     Raises
     ------
     RuleError

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
-from lightfield.scene.spectral.peaks import heights, peak_knots_nm, peaks_of
+from lightfield.scene.spectral.peaks import Peak, heights, peak_knots_nm, peaks_of
 from lightfield.storage.tables import read_columns
-
-if TYPE_CHECKING:
-    from lightfield.scene.detector import Detector
 
 #: A silicon photodiode: wavelengths, nm, and responsivity, A/W; a typical one, of no particular maker.
 SILICON = (
@@ -22,37 +19,40 @@ SILICON = (
 COLUMNS = ("wavelength_nm", "response")
 
 
-def response_at(detector: Detector, wavelength_nm: ArrayLike) -> Array:
-    """Reading per light at wavelengths, in any unit.
+@dataclass(frozen=True)
+class Response:
+    """Reading per light over wavelength, in any unit.
 
     Parameters
     ----------
-    detector : Detector
-    wavelength_nm : array, nm
-
-    Returns
-    -------
-    array, any unit
-        1 everywhere where the scene says nothing; 0 beyond a table.
+    kind : "silicon", "table", Peak or tuple of Peak, optional
+        As the scene says it; None: 1 everywhere.
+    table : str, optional
+        File of the table.
     """
-    at, response = np.asarray(wavelength_nm, float), detector.response
-    if response is None:
-        return np.ones_like(at)
-    if peaks := peaks_of(response):
-        return heights(peaks, at)
-    if response == "silicon":
-        return np.asarray(np.interp(at, *SILICON))
-    known, table = read_columns(str(detector.response_table), COLUMNS)
-    return np.asarray(np.interp(at, known, table, left=0.0, right=0.0))
 
+    kind: str | Peak | tuple[Peak, ...] | None
+    table: str | None
 
-def response_knots_nm(detector: Detector) -> Array:
-    """Wavelengths between which the response is smooth, nm."""
-    response = detector.response
-    if response is None:
-        return np.zeros(0)
-    if peaks := peaks_of(response):
-        return peak_knots_nm(peaks)
-    if response == "silicon":
-        return np.array(SILICON[0])
-    return read_columns(str(detector.response_table), COLUMNS)[0]
+    def at(self, wavelength_nm: ArrayLike) -> Array:
+        """At wavelengths in nm; 0 beyond a table."""
+        at = np.asarray(wavelength_nm, float)
+        if self.kind is None:
+            return np.ones_like(at)
+        if peaks := peaks_of(self.kind):
+            return heights(peaks, at)
+        if self.kind == "silicon":
+            return np.asarray(np.interp(at, *SILICON))
+        known, table = read_columns(str(self.table), COLUMNS)
+        return np.asarray(np.interp(at, known, table, left=0.0, right=0.0))
+
+    @property
+    def knots_nm(self) -> Array:
+        """Wavelengths between which it is smooth, nm."""
+        if self.kind is None:
+            return np.zeros(0)
+        if peaks := peaks_of(self.kind):
+            return peak_knots_nm(peaks)
+        if self.kind == "silicon":
+            return np.array(SILICON[0])
+        return read_columns(str(self.table), COLUMNS)[0]

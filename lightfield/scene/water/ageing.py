@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
-
-if TYPE_CHECKING:
-    from lightfield.scene.water.water import Water
+from lightfield.scene.water.water import Water
 
 _SECONDS = 3600.0
 
@@ -51,7 +47,6 @@ def moments(water: Water, time_s: ArrayLike, path_m: ArrayLike, count: int) -> t
 
     Parameters
     ----------
-    water : Water
     time_s : array, shape (n,), s
         NaN (unknown) counts as 0.
     path_m : array, shape (n,), m

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,10 +23,8 @@ from lightfield.scene.water.library import list_presets, pure_water_absorption
 from lightfield.scene.water.molecular import molecular_scattering_per_m
 from lightfield.scene.water.phase.molecular import forward_weight
 from lightfield.scene.water.phase.of_scene import phase_function
+from lightfield.scene.water.water import Water
 from lightfield.storage.tables import read_columns
-
-if TYPE_CHECKING:
-    from lightfield.scene.water.water import Water
 
 
 def is_grey(water: Water) -> bool:

@@ -8,14 +8,12 @@ in closed form, over many ways at once from a few attenuations that stand for al
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
-
-if TYPE_CHECKING:
-    from lightfield.scene.water.water import Water
+from lightfield.scene.water.water import Water
 
 #: Gauss-Hermite quadrature of a normal distribution: deviations in units of its own, and their shares.
 _DEVIATIONS, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)

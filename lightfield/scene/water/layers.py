@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import integral_to, value_at
 from lightfield.scene.parameters import switched_off
-
-if TYPE_CHECKING:
-    from lightfield.scene.water.water import Water
+from lightfield.scene.water.water import Water
 
 
 def is_layered(water: Water) -> bool:
@@ -31,7 +27,6 @@ def path_in_slab_m(water: Water, z_m: Array, path_m: Array) -> Array:
 
     Parameters
     ----------
-    water : Water
     z_m, path_m : arrays, m
         Where the paths end, z > 0, and their lengths.
     """
@@ -52,7 +47,6 @@ def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | floa
 
     Parameters
     ----------
-    water : Water
     z_m, path_m : arrays, m
         Where the paths end, z > 0, and their lengths.
     height_m : array, m
@@ -75,7 +69,6 @@ def layers_absorption_per_m(water: Water, z_m: Array) -> Array:
 
     Parameters
     ----------
-    water : Water
     z_m : array, m
     """
     low, high = slab_m(water)

@@ -26,7 +26,6 @@ class Apparent:
 
     Parameters
     ----------
-    ratios : Ratios
     estimate : JointEstimate
         Parameters of each colour: alpha, K in 1/m.
     """

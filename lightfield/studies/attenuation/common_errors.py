@@ -52,7 +52,6 @@ class JointEstimate:
     residual : array, shape (n_rows, n_colours)
         y - X theta - H beta; NaN where nothing was read.
     chi2 : float
-    dof : int
     errors_times : float
         What `own` and `modes` were multiplied by (as errors), because of the misfit; see `misfit_factor`.
     """
@@ -193,6 +192,5 @@ def stays(stay: NDArray[np.int_], count: int) -> Array:
     Parameters
     ----------
     stay : array of int, shape (n_rows,)
-    count : int
     """
     return (stay[:, None] == np.arange(count)).astype(float)

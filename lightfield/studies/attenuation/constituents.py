@@ -81,7 +81,6 @@ class Constituents:
     water : Water
         With these amounts.
     chi2 : float
-    dof : int
     """
 
     amounts: dict[str, Amount]

@@ -85,7 +85,6 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
 
     Parameters
     ----------
-    readings : Readings
     scene : Scene
         Lamp, tank and receiver; its water counts nowhere.
     in_air : bool, optional

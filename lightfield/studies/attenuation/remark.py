@@ -27,7 +27,6 @@ class Remark:
 
     Parameters
     ----------
-    studied : Studied
     count, among : int, optional
         Readings, pairs or wavelengths that it is about, and of how many.
     limit : float, optional

@@ -58,7 +58,6 @@ class Scattered:
     share : array, shape (n_places, n_colours)
         Part of the light in water that had been scattered or reflected.
     chi2 : float
-    dof : int
     other_kappa : dict
         Mean kappa for other phase functions, by g.
     expected : array, shape (n_colours,), 1/m
@@ -157,7 +156,6 @@ def traced_stack(apparent: Sequence[Apparent], trace: DiffuseSource, g: float | 
     Parameters
     ----------
     apparent : sequence of Apparent
-    trace : callable
     g : float, optional
         Asymmetry of a Henyey-Greenstein phase function; default: the scene's.
     """

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array, finite
+from lightfield.arrays import Array, evenly, finite
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
 from lightfield.studies.attenuation.constituents import Amount, Constituents
@@ -73,7 +73,7 @@ def table_rows(one: Apparent, most: int = SHOWN) -> list[list[str]]:
             f"{one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}",
             *(f"{p[k]:.1f} ± {e[k]:.1f} %" for p, e in columns),
         ]
-        for k in some(len(one.K_per_m), most)
+        for k in evenly(len(one.K_per_m), most)
     ]
 
 
@@ -81,11 +81,6 @@ def table_head(one: Apparent) -> tuple[str, ...]:
     """Heads of `table_rows`."""
     near, far = float(one.ratios.path_m.min()), float(one.ratios.path_m.max())
     return ("nm", "K (1/m)", "lost per m", f"lost over {near:g} m", f"lost over {far:g} m")
-
-
-def some(count: int, most: int) -> list[int]:
-    """Indices of at most so many, evenly chosen, the first and the last among them."""
-    return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
 
 
 def fit_sentence(one: Apparent) -> str:

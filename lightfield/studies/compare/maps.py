@@ -74,8 +74,6 @@ class PlaneComparison:
     render, stderr, formula : arrays, shape (n_y, n_x), unit of the comparison
         The formula is averaged over each cell, as the render is. NaN in cells outside the tank.
     axis : Profile of one ring: the cells at x = y = 0
-    profile : Profile
-    render_spot, formula_spot : Spot
     lost, lost_stderr : float
         Part of the light on the plane that the formula lacks (negative: it has too much).
     """

@@ -24,7 +24,7 @@ from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judg
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.cautions.plausibility import hints
-from lightfield.diagnosis.verdict.compose import estimates, units_in
+from lightfield.diagnosis.verdict.estimates import estimates, units_in
 from lightfield.diagnosis.verdict.ladder import bright, held_out, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.errors import UsageError

@@ -13,12 +13,7 @@ from lightfield.studies.compare.readings import FitReport, correlations
 
 
 def as_text(report: FitReport) -> str:
-    """The report for people.
-
-    Parameters
-    ----------
-    report : FitReport
-    """
+    """The report for people."""
     model, statistics = report.model, report.statistics
     kept = int(model.problem.keep.sum())
     lines = [

@@ -52,7 +52,6 @@ class Known:
         With what the scene says is unknown; and with the common gain unknown altogether.
     nuisances : dict of str to float
         What the scene says is unknown, by its standard deviation.
-    array : DetectorArray
     """
 
     as_stated: list[Bound]

@@ -102,7 +102,6 @@ class _Shared:
     ----------
     scene : Scene
         Lamp and tank of the trace.
-    frame : Frame
     """
 
     def __init__(self, scene: Scene, frame: Frame) -> None:
@@ -135,8 +134,6 @@ class SmoothLight:
     ----------
     scene : Scene
         Lamp and tank are those of the trace; the water is free.
-    cells : FittedCells
-    shared : _Shared
     left_out : int, optional
         A batch of the trace that does not count.
     """

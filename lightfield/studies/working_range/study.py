@@ -71,7 +71,6 @@ class WorkingRange:
     readings : xarray.Dataset, optional
         Over `z_m`: `value` and `stderr` of readings on the axis over that at the reference, and
         `half_radius_m` where there are some beside it.
-    scene : Scene
     share, noise, snr : float
         Part of the light that must be left; noise of a reading over the reading at the reference; signal over
         noise that is asked for.

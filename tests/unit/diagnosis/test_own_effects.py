@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_readings import readings
+from local_unknown import fitted_alone
 
 from lightfield.cli import main
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem.problem import _LEFT as LEFT
-from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.effects.local import local_unknowns
@@ -103,21 +103,8 @@ def rings(table: Readings) -> np.ndarray:
 def test_local_unknowns_are_found_where_they_are(hidden, name: str, true: dict[str, float]) -> None:
     """Three numbers each; their sizes within the errors of the fit, from starts over their ranges."""
     table, believed = readings(factor=hidden, seed=1, layout="fine")
-    stderr = np.hypot(0.005 * table.value, 8e-4)
-    table = replace(table, stderr=stderr)
-    scene = believed.with_values({"effect": local_unknowns(table)})
-    known = effects.all_of(scene)
-    problem, _ = problem_of(SceneForward(scene, table), table, [known[name]], None)
-    (one,) = problem.candidates
-    assert len(one.parameters) == 3
-
-    def whiten(columns: np.ndarray) -> np.ndarray:
-        return (columns.T / stderr).T
-
-    base = problem.fit((), whiten, [problem.model().start])
-    starts = [np.r_[base.u, one.typical, shape] for shape in one.grid]
-    begun = [problem.fit((one,), whiten, [start], max_steps=3) for start in starts]
-    fit = problem.fit((one,), whiten, [min(begun, key=lambda f: f.chi2).u])
+    base, fit = fitted_alone(table, believed, name)
+    assert len(fit.u) == len(base.u) + 3
     assert fit.chi2 < 0.5 * base.chi2
     errors, values = fit.stderr(), fit.values
     for key, value in true.items():

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from analytic_readings import scene as believed
+from beams import flood
 from scipy.stats import chi2
 
 from lightfield.diagnosis.diagnose import diagnose
@@ -35,12 +36,6 @@ from lightfield.studies.compare.readings import fit_readings
 #: True half width, absorption, shift of the lamp, background; the scene believes 4 deg, 0.12 and none.
 HWHM, PER_M, SHIFT_M, GROUND = 4.6, 0.105, 0.03, 0.01
 SURE = 1e-4  # chance of a false alarm of a test by chi-square
-
-
-def flood(q: np.ndarray) -> np.ndarray:
-    """A flat top with a wide, weak skirt; q is the angle over the half width."""
-    top = (1 + np.exp(-1 / 0.16)) / (1 + np.exp((q - 1) / 0.16))
-    return 0.93 * top + 0.07 * np.exp(-np.log(2) * (q / 3) ** 2)
 
 
 def ringed(q: np.ndarray) -> np.ndarray:

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from analytic_readings import readings
+from local_unknown import fitted_alone
 
-from lightfield.diagnosis.problem.setup import problem_of
-from lightfield.fitting import effects
-from lightfield.fitting.effects.local import local_unknowns
-from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 
 Shade = Callable[[Readings], np.ndarray]
@@ -78,20 +74,7 @@ def test_a_shadow_is_a_local_unknown(shade: Shade, name: str, where: dict[str, f
     (82 and 87 % of rods that are wide beside the steps of the scan, above 90 % of the others).
     """
     table, believed = readings(factor=shade, seed=1, layout="fine")
-    stderr = np.hypot(0.005 * table.value, 8e-4)
-    table = replace(table, stderr=stderr)
-    scene = believed.with_values({"effect": local_unknowns(table)})
-    known = effects.all_of(scene)
-    problem, _ = problem_of(SceneForward(scene, table), table, [known[name]], None)
-    (candidate,) = problem.candidates
-
-    def whiten(columns: np.ndarray) -> np.ndarray:
-        return (columns.T / stderr).T
-
-    base = problem.fit((), whiten, [problem.model().start])
-    starts = [np.r_[base.u, candidate.typical, shape] for shape in candidate.grid]
-    begun = [problem.fit((candidate,), whiten, [start], max_steps=3) for start in starts]
-    fit = problem.fit((candidate,), whiten, [min(begun, key=lambda f: f.chi2).u])
+    base, fit = fitted_alone(table, believed, name)
     spare = len(table.value) - len(fit.u)
     assert fit.chi2 - spare < 0.25 * (base.chi2 - spare)
     found = {path.rpartition(".")[2]: value for path, value in fit.values.items()}

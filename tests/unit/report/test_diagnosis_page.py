@@ -8,12 +8,12 @@ import pytest
 from matplotlib.patches import Polygon
 
 from lightfield.diagnosis.verdict.parts import Rung, SetAside
-from lightfield.diagnosis.verdict.text import as_text
+from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import data_figure, residual_map, signature_figure
-from lightfield.report.diagnosis.page import _lead, diagnosis_page, write_diagnosis
+from lightfield.report.diagnosis.page import _lead, diagnosis_page
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 from lightfield.report.tank import tank_figure
@@ -184,7 +184,7 @@ def test_readings_on_the_axis_only_and_many_planes(tmp_path):
     many = example(planes=tuple(np.linspace(3, 9, 9)), two_sided=True)
     assert len(many.groups()) == 9
     assert "Readings and model" in diagnosis_page(many)
-    page = write_diagnosis(on_axis, tmp_path / "page.html").read_text(encoding="utf-8")
+    page = diagnosis_page(on_axis)
     assert "along the axis" in page and len(page) > 10_000
 
 

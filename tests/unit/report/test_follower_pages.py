@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lightfield.errors import UsageError
-from lightfield.report.follower.page import write_arrays, write_survey
-from lightfield.report.follower.pose_page import write_poses
+from lightfield.report.follower.page import arrays_page, survey_page
+from lightfield.report.follower.pose_page import poses_page
 from lightfield.scene import Scene
 from lightfield.studies.follower.design import Mounting, compare_arrays, optimise_array
 from lightfield.studies.follower.elements import elements_of
@@ -28,7 +28,7 @@ ROUND = {"count": [3, 3], "size_m": 0.26, "radius_m": 0.19}
 
 
 def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
-    html = write_survey(survey(SCENE, photons=0), tmp_path / "a.html").read_text(encoding="utf-8")
+    html = survey_page(survey(SCENE, photons=0))
     assert "2 elements know where they are well enough to dock nowhere" in html and "blind to" in html
     assert "two &lt;diodes&gt;" in html
     # Each of the two figures once more with one panel a row, for a telephone.
@@ -37,17 +37,13 @@ def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
 
 def test_a_comparison_names_the_best(tmp_path: Path) -> None:
     good = Scene.from_dict({**SCENE.to_dict(), "name": "good", "array": ROUND})
-    html = write_arrays(compare_arrays(good, {"two": SCENE}, photons=0), tmp_path / "c.html").read_text(
-        encoding="utf-8"
-    )
+    html = arrays_page(compare_arrays(good, {"two": SCENE}, photons=0))
     assert "9 elements (good) know the pose" in html
     with pytest.raises(UsageError, match="at least 5, one for each of x, y, z, yaw, pitch"):
         optimise_array(good, 4, Mounting(0.3), photons=0)
     found = optimise_array(good, 6, Mounting(0.3), photons=0)
     assert found.arrays[0].name == "the best found"
-    assert "Elements of the best found" in write_arrays(found, tmp_path / "o.html").read_text(
-        encoding="utf-8"
-    )
+    assert "Elements of the best found" in arrays_page(found)
 
 
 def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
@@ -59,6 +55,6 @@ def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
     readings = model.readings(np.array([[0.1, 0, 6, 0, 0, 0.0]]))[0]
     states = [tracker.update(readings * (t != 2), 0.1 * t) for t in range(4)]
     poses = Poses(scene, POSE[:5], 0.1 * np.arange(4), [s.estimate for s in states], states, False)
-    html = write_poses(poses, tmp_path / "p.html").read_text(encoding="utf-8")
+    html = poses_page(poses)
     assert "1 without light, 0 that do not fit" in html and "light lost" in html
     assert f"At 0.3 s {states[-1].estimate.pose[2]:.2f} ± " in html and "Line and band: the filter" in html

@@ -28,7 +28,6 @@ from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
-from lightfield.scene.spectral.detector_response import response_at
 from lightfield.scene.water.ageing import growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.layers import is_layered
@@ -145,7 +144,7 @@ def _places(scene: Scene) -> Any:
 
 
 OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
-    Acts.POWER: lambda s: [spectral_power(s.lamp, WAVELENGTHS), response_at(s.detector, WAVELENGTHS)],
+    Acts.POWER: lambda s: [spectral_power(s.lamp, WAVELENGTHS), s.detector.spectral_response.at(WAVELENGTHS)],
     Acts.TIME: lambda s: time_factor(s, np.array([0.0, 300.0, 3000.0])),
     Acts.BEAM: _beam,
     Acts.SOURCE: _source,

@@ -9,7 +9,7 @@ import pytest
 
 from lightfield import cli
 from lightfield.errors import SceneError
-from lightfield.report.follower.follow_page import write_follow_sweep, write_following
+from lightfield.report.follower.follow_page import follow_sweep_page, following_page
 from lightfield.scene import Scene
 from lightfield.studies.follower.bias import belief
 from lightfield.studies.follower.elements import elements_of
@@ -186,7 +186,7 @@ def test_a_page_and_its_data(tmp_path: Path) -> None:
     scene = KNOWN.with_values({"follower.mission.duration_s": 2.0, "follower.mission.dark_from_s": 1.0})
     scene = scene.with_values({"follower.mission.dark_for_s": 0.4})
     found = follow({"<a>": scene, "b": scene}, ["exact"], runs=2, photons=0)
-    html = write_following(found, tmp_path / "f.html").read_text(encoding="utf-8")
+    html = following_page(found)
     assert "&lt;a&gt;" in html and html.count("<svg") == 2 * 2 and "Asked for 6.5 m" in html
     data = found.as_data()["cases"][0]
     assert data["metrics"]["standoff"]["by_run"] == found.cases[0].runs["standoff"].tolist()
@@ -208,7 +208,7 @@ def test_runs_over_parameters_continue_where_they_stopped(tmp_path: Path) -> Non
     _, again = run_follow_sweep(scene, axes, store, runs=2, photons=0)
     assert again.cases_done == 1 and again.cases_before == 3
     assert as_data(open_store(store, QUANTITY)) == before and verify(store).complete
-    html = write_follow_sweep(open_store(store, QUANTITY), tmp_path / "s.html").read_text(encoding="utf-8")
+    html = follow_sweep_page(open_store(store, QUANTITY))
     assert "4 of 4 cases" in html and "lqr" in html
     alone = follow({"": scene.with_values({"water.scattering_per_m": 0.1})}, runs=2, photons=0)
     assert before["standoff"][1][0] == alone.cases[0].spreads["standoff"].mean

@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import Settled
 from lightfield.diagnosis.search.cascade import Finding, level_for, with_base
 from lightfield.diagnosis.search.pool.any_number import named

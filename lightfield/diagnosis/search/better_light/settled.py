@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.acceptance import accepted_of
 from lightfield.diagnosis.search.better_light.settling import Judge, Settled, settle
 from lightfield.diagnosis.search.cascade import Finding, far_beyond, level_at

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import PHOTONS, ratio_at, scatters, with_light
 from lightfield.diagnosis.search.own_errors import on_sample, under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, whitening

@@ -11,8 +11,9 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.noise import Budget, Whitener
+from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
 from lightfield.diagnosis.search.pool.backward import linear_backward

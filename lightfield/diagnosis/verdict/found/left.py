@@ -5,7 +5,7 @@ They say where the rest is, how wide and how large; not what it is. So none of t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -14,14 +14,15 @@ import numpy as np
 from lightfield.arrays import Array, finite
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.preparation import Prepared, whitened_test
+from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, percent
-from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
+from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.effects.local import ALONG, local_unknowns
 from lightfield.fitting.effects.own import effects_of
@@ -49,17 +50,8 @@ class Local:
     fit: Fit
 
 
-Estimates = Callable[[Fit, float, dict[str, str]], dict[str, Estimate]]
-
-
-def left_over(prepared: Prepared, finding: Finding, readings: Readings, estimates: Estimates) -> list[Local]:
-    """Local unknowns beside the best set or what is certain of it, the best first; none of many readings.
-
-    Parameters
-    ----------
-    estimates : callable
-        Values and errors of a fit, from the scale of its variance and the units of its parameters.
-    """
+def left_over(prepared: Prepared, finding: Finding, readings: Readings) -> list[Local]:
+    """Local unknowns beside the best set or what is certain of it, the best first; none of many readings."""
     if prepared.problem.layout.size > MANY:
         return []
     pool, node, local = _pool(prepared, finding, readings)
@@ -78,7 +70,7 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings, estimate
     for name, made in sorted(best.items(), key=lambda item: pool.cost(item[1])):
         share = 100 * (node.fit.chi2 - made.fit.chi2) / rest if rest > 0 else 0.0
         if share > _TOLD:
-            record = _record(pool, forward, made, name, share, estimates)
+            record = _record(pool, forward, made, name, share)
             out.append(Local(record, made.explanation, made.fit))
     return out
 
@@ -141,13 +133,11 @@ def _finely(candidate: Candidate) -> Candidate:
     return replace(candidate, grid=tuple(tuple(map(float, at)) for at in product(*points)))
 
 
-def _record(
-    pool: Pool, forward: SceneForward, node: Node, name: str, share: float, estimates: Estimates
-) -> LeftOver:
+def _record(pool: Pool, forward: SceneForward, node: Node, name: str, share: float) -> LeftOver:
     problem, fit, phi = pool.problem, node.fit, pool.ground.phi
     own = next(e for e in forward.scene.effect if e.name == name)
-    units = {path: p.unit for path, p in forward.scene.parameters().items()}
-    told = estimates(fit, max(phi, fit.chi2 / max(int(problem.keep.sum()) - len(fit.u), 1)), units)
+    scale = max(phi, fit.chi2 / max(int(problem.keep.sum()) - len(fit.u), 1))
+    told = estimates(fit, scale, units_of(forward.scene))
     prefix = f"effect.{name}."
     mine = {path.removeprefix(prefix): e for path, e in told.items() if path.startswith(prefix)}
     at, places = _along(ALONG[name], forward.readings)

@@ -15,13 +15,12 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.families import free_factors
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.aside_words import REPEATS
 from lightfield.diagnosis.verdict.found.left import Local, without_it
-from lightfield.diagnosis.verdict.next_measurement import NextMeasurement, repeat
+from lightfield.diagnosis.verdict.next_measurement import REPEATS, NextMeasurement, repeat
 from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, PlaceToRead
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.least_squares import Fit

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.own_errors import objective, under_own_errors
@@ -42,7 +42,6 @@ class WithScattering:
 
     Parameters
     ----------
-    fit : Fit
     errors : mapping
         Standard errors by path; where the best scattering is none, those beside some.
     saved : float

@@ -39,7 +39,6 @@ class SoFar:
     ----------
     sets : int
         Sets of effects that were fitted.
-    best : BestSoFar, optional
     """
 
     def __init__(self, tell: Callable[[str], None] = lambda line: None) -> None:

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import own_whitener
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, least_squares

@@ -39,7 +39,6 @@ class Document:
 
     Parameters
     ----------
-    where : str
     title : str
         First line that is not blank.
     header : dict of str to str
@@ -162,14 +161,12 @@ def spectrum(
 
     Parameters
     ----------
-    document : Document
     name : str
         Of the format.
     block : MarkedLines, optional
         Lines of numbers; None is noted as a problem.
     columns : sequence of str
         Names of the columns behind the wavelength.
-    problems : Problems
     **more
         Further fields of Spectrum.
 
@@ -180,13 +177,12 @@ def spectrum(
     """
     header = document.header
     if block is None or not block.lines:
-        problems.add(
+        problems.refuse(
+            f"not a usable {name} file",
             "there are no spectral data",
             rule="numbers behind a line like >>>>>Begin ... Data<<<<<",
             remedy="export it again",
         )
-        problems.raise_any(f"not a usable {name} file")
-        raise AssertionError  # not reached
     table = block_numbers(block, 1 + len(columns), problems)
     wavelength = table[:, 0]
     _check_axis(wavelength, block, header, problems)

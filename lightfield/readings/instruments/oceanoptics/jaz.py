@@ -22,13 +22,7 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> Spectrum:
-    """Read it.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """Read it."""
     return read_lettered(document, NAME, Problems(document.where))
 
 

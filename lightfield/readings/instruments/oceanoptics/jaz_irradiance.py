@@ -26,13 +26,7 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> Spectrum:
-    """Read it.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """Read it."""
     problems = Problems(document.where)
     found = jaz.read_lettered(document, NAME, problems)
     sphere = next((v for k, v in document.header.items() if "sphere" in k.lower()), "No")

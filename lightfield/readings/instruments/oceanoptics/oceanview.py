@@ -20,12 +20,6 @@ def claims(document: Document) -> bool:
 
 
 def read(document: Document) -> Spectrum:
-    """Read it.
-
-    Raises
-    ------
-    MeasurementError
-        All problems of the file, with their lines.
-    """
+    """Read it."""
     block = document.numbers
     return spectrum(document, NAME, block, ["value"], Problems(document.where))

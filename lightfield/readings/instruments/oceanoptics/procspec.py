@@ -70,8 +70,8 @@ def read(data: bytes, where: str) -> Spectrum:
     check_axis(wavelength, (), problems)
     problems.raise_any(f"not a usable {NAME} file")
     said = {e.tag: (e.text or "").strip() for e in (shot if shot is not None else ()) if not len(e)}
-    exposure = _number(said.get("integrationTime", ""))
-    moment = _number("" if shot is None else shot.findtext("acquisitionTime/milliTime", ""))
+    exposure = text.number_or_nan(said.get("integrationTime", ""))
+    moment = text.number_or_nan("" if shot is None else shot.findtext("acquisitionTime/milliTime", ""))
     return Spectrum(
         source=where,
         format=NAME,
@@ -156,13 +156,6 @@ def _numbers(element: ElementTree.Element, problems: Problems) -> Array:
         except ValueError as error:
             problems.add(f"{element.tag}: {cell!r:.40} {error}", remedy=_REMEDY)
     return out
-
-
-def _number(cell: str) -> float:
-    try:
-        return text.parsed_number(cell)
-    except ValueError:
-        return float("nan")
 
 
 def _count(cell: str) -> int | None:

@@ -48,7 +48,6 @@ class ParticlesAndMolecules(PhaseFunction):
 
     Parameters
     ----------
-    particles : PhaseFunction
     share : float
         Part of the scattering coefficient that is molecular.
     """

@@ -11,7 +11,8 @@ from toy_problem import layout
 
 from lightfield.diagnosis.adequacy import robust
 from lightfield.diagnosis.adequacy.robust import likeliest_scale, noise_scale, outliers, scattered
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.whitening import Whitener
 
 N, K = 105, 12
 

@@ -16,7 +16,8 @@ from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem.chain import fewer_columns, low_rank
 from lightfield.diagnosis.problem.dense import DenseFactor
 from lightfield.diagnosis.problem.layout import Layout
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.whitening import Whitener
 
 
 def layout(n: int, rng: np.random.Generator, stays: int = 3, channels: int = 2, ties: bool = False) -> Layout:

@@ -14,7 +14,8 @@ from lightfield.diagnosis.adequacy.subspace import combined, orthonormal
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem import problem
 from lightfield.diagnosis.problem.layout import layout_of
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 

@@ -17,8 +17,9 @@ from lightfield.diagnosis.adequacy.robust import (
     unstated_error,
 )
 from lightfield.diagnosis.problem.layout import layout_of
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.quoted import smooth_stderr
+from lightfield.diagnosis.problem.whitening import Whitener
 
 RNG = np.random.default_rng(5)
 

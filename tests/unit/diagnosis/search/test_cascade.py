@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import stats
-from toy_problem import Toy, candidate, layout, waves
+from toy_problem import Toy, candidate, layout, toy, waves
 
 from lightfield.diagnosis.adequacy import robust, score_tests, templates
 from lightfield.diagnosis.problem.noise import Budget
@@ -22,12 +22,6 @@ from lightfield.diagnosis.search.pool.evidence import GAP
 @pytest.fixture(autouse=True)
 def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preparation, "REPLICATES", 199)
-
-
-def toy(**more: np.ndarray) -> Toy:
-    lay = layout()
-    columns = {**waves(lay), **more}
-    return Toy.of([candidate(name) for name in columns], columns, lay)
 
 
 def found(made: Toy, problem, tolerance: float = 0.0, alpha: float = 0.01, seed: int = 0) -> Finding:

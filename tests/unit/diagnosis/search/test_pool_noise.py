@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from toy_pool import many, toy, with_curve
 
-from lightfield.diagnosis.problem.noise import Budget, Whitener
+from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool.nodes import Node

@@ -14,13 +14,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from analytic_readings import many_lines
-from toy_problem import Toy, Untraced, candidate, layout, waves
+from toy_problem import Toy, Untraced, layout, toy, waves
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem import problem as problem_module
-from lightfield.diagnosis.problem.noise import Budget, Noise, Whitener
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import small_sets as search_module
 from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.preparation import base_at, bench
@@ -145,12 +146,6 @@ def test_a_sample_leads_scattered_light_to_its_lowest_minimum(
     assert none <= 2 < some < 0.5 * calls.count(problem.layout.size)
 
 
-def toy(**more: np.ndarray) -> Toy:
-    lay = layout(5, 80)
-    columns = {**waves(lay), **more}
-    return Toy.of([candidate(name) for name in columns], columns, lay)
-
-
 def tried(made: Toy, problem: Problem, *names: str) -> Tried:
     explanation = tuple(c for c in problem.candidates if c.name in names)
     fit = made.fit(problem, *explanation)
@@ -160,7 +155,7 @@ def tried(made: Toy, problem: Problem, *names: str) -> Tried:
 def test_the_nearest_rival_of_a_sample_is_the_nearest(many: None) -> None:
     """Of three rivals one is near; the others a sample rules out. The distance is that of all readings."""
     lay = layout(5, 80)
-    made = toy(near=waves(lay)["odd"] + 0.2 * waves(lay)["rows"])
+    made = toy(lay=lay, near=waves(lay)["odd"] + 0.2 * waves(lay)["rows"])
     problem = made.drawn(np.random.default_rng(0), odd=3.0)
     best, *others = (tried(made, problem, name) for name in ("odd", "dusk", "near", "rows"))
     led, full = (nearest_rival(p, made.whiten, best, others, 1.0) for p in (problem, in_full(problem)))
@@ -172,7 +167,7 @@ def test_the_nearest_rival_of_a_sample_is_the_nearest(many: None) -> None:
 def test_fits_that_a_sample_leads_end_where_those_of_all_readings_do(many: None) -> None:
     """The best sets to rounding; what is far behind is told worse than it is, never better."""
     lay = layout(5, 80)
-    made = toy(near=waves(lay)["odd"] + 0.1 * waves(lay)["rows"])
+    made = toy(lay=lay, near=waves(lay)["odd"] + 0.1 * waves(lay)["rows"])
     problem = made.drawn(np.random.default_rng(0), odd=5.0)
     begun = [((c,), [problem.default_start(problem.model().start, (c,))]) for c in problem.candidates]
     led, full = problem.fit_all(begun, made.whiten), in_full(problem).fit_all(begun, made.whiten)
@@ -188,7 +183,7 @@ def test_fits_that_a_sample_leads_end_where_those_of_all_readings_do(many: None)
 
 def test_the_base_model_of_many_readings_is_tested_once(many: None) -> None:
     """What preparation has asked the search is told; few readings are drawn anew, with another p."""
-    made = toy()
+    made = toy(lay=layout(5, 80))
     prepared = made.prepared(made.drawn(np.random.default_rng(2), odd=3.0))
     rng = np.random.default_rng(0)
     first = base_at(prepared, 0.0, rng)
@@ -201,7 +196,7 @@ def test_the_base_model_of_many_readings_is_tested_once(many: None) -> None:
 @pytest.mark.parametrize("strength", [0.02, 0.3, 3.0])
 def test_what_a_sample_calls_hopeless_is_far_behind_all_readings(many: None, strength: float) -> None:
     """And what nearly does as well is not called so."""
-    made = toy()
+    made = toy(lay=layout(5, 80))
     problem = made.drawn(np.random.default_rng(2), odd=strength)
     prepared = made.prepared(problem)
     own = OwnErrors(prepared, bench(prepared, 0.0, np.random.default_rng(0)), np.random.default_rng(0))

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from scipy import stats
-from toy_problem import Toy, candidate, layout, waves
+from toy_problem import Toy, candidate, layout, toy, waves
 
 from lightfield.diagnosis.search.small_sets import (
     Tried,
@@ -30,12 +30,6 @@ class NoDiffuseLight:
 
     def refit(self, explanation: Any, fit: Any) -> Any:
         raise AssertionError
-
-
-def toy(low: float = -1e3, **more: np.ndarray) -> Toy:
-    lay = layout()
-    columns = {**waves(lay), **more}
-    return Toy.of([candidate(name, low) for name in columns], columns, lay)
 
 
 def ready(made: Toy, problem: Any, count: int = 99) -> tuple[Any, Any, Any]:

@@ -5,18 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import special, stats
-from toy_problem import Toy, candidate, layout, waves
+from toy_problem import Toy, candidate, layout, toy, waves
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.search import told_apart
 from lightfield.diagnosis.search.small_sets import Tried, bic, weights
 from lightfield.diagnosis.search.told_apart import detection_limits, isolability, nearest_rival, separation
-
-
-def toy(**more: np.ndarray) -> Toy:
-    lay = layout()
-    columns = {**waves(lay), **more}
-    return Toy.of([candidate(name) for name in columns], columns, lay)
 
 
 def tried(made: Toy, problem, *names: str) -> Tried:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_readings import scene as believed
+from beams import flood
 
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.problem.problem import Problem
@@ -21,12 +22,6 @@ from lightfield.fitting.forward import SceneForward
 #: True half width, absorption, background and noise; the scene believes 4 deg, 0.12 and none.
 HWHM, PER_M, GROUND, NOISE = 4.6, 0.105, 0.01, 0.04
 TRUTH = {"water.absorption_per_m": PER_M, "detector.background": GROUND}
-
-
-def flood(q: np.ndarray) -> np.ndarray:
-    """A flat top with a wide, weak skirt; q is the angle over the half width."""
-    top = (1 + np.exp(-1 / 0.16)) / (1 + np.exp((q - 1) / 0.16))
-    return 0.93 * top + 0.07 * np.exp(-np.log(2) * (q / 3) ** 2)
 
 
 def gaussian(q: np.ndarray) -> np.ndarray:

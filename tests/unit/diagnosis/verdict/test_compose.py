@@ -21,13 +21,15 @@ from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
 from lightfield.diagnosis.search.preparation import Prepared, bench
 from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.verdict.compose import Found, estimates, kind_of, verdict_of
-from lightfield.diagnosis.verdict.found import left, rest
+from lightfield.diagnosis.verdict.compose import Found, kind_of, verdict_of
+from lightfield.diagnosis.verdict.estimates import estimates
+from lightfield.diagnosis.verdict.found import left
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, LeftOver, Reason
-from lightfield.diagnosis.verdict.text import as_text
+from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.trust import Trust
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.diagnosis.verdict.words.rest import sentences
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import FitParameter
@@ -207,7 +209,7 @@ def test_a_rest_beside_a_dark_model_has_no_error_and_only_readings_over_light(ca
         removed_percent=90.0, error_percent=None, adequate=False, at=[0.0], factor=[0.5], stderr=[0.1],
     )  # fmt: skip
     assert LeftOver.model_validate(json.loads(told.model_dump_json())) == told
-    said = rest.sentences([told], None)
+    said = sentences([told], None)
     assert said.startswith("A shadow describes 90 % of what is left (). It says where the rest is, not what.")
     model, lit = dark(case), bright(case.problem)
     fit = SimpleNamespace(

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from analytic_readings import readings
+from some_findings import effect, explanation, findings, rung
 
 from lightfield.diagnosis import course as stages
 from lightfield.diagnosis import diagnose as diagnosing
@@ -16,9 +17,11 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool.equivalences import TABLE
-from lightfield.diagnosis.verdict.found import found_words
-from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Misfit, Rung, WaterAndBeam
+from lightfield.diagnosis.verdict.parts import Misfit
+from lightfield.diagnosis.verdict.speech import Said
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.diagnosis.verdict.words import effects
+from lightfield.diagnosis.verdict.words.headline import words_of
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 
@@ -147,25 +150,6 @@ def test_a_turned_narrow_receiver_is_a_tilted_beam() -> None:
         assert np.std(ratio) / np.mean(ratio) < np.tan(np.radians(12)) * 0.1
 
 
-LIGHT = WaterAndBeam(absorption_per_m=0.1, scattering_per_m=0.0, attenuation_per_m=0.1, hwhm_deg=4.0)
-
-
-def effect(name: str, level: str, *alternatives: list[str]) -> FoundEffect:
-    return FoundEffect(
-        effect=name, family="toy", form="linear", level=level,  # type: ignore[arg-type]
-        parameters={f"lamp.{name}": Estimate(value=0.5, stderr=0.01)}, sigma_to_remove=12.0, gap=30.0,
-        gap_named=30.0, gap_plus=20.0, rival=[], alternatives=list(alternatives), weight=0.9,
-        with_it=LIGHT, without_it=LIGHT,
-    )  # fmt: skip
-
-
-def rung(removed: float | None) -> Rung:
-    return Rung(
-        label="base", effects=[], error_percent=1.0, chi2_per_dof=1.0, held_out_percent=None, parameters={},
-        scene="", removed_percent=removed,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("levels", "headline"),
     [
@@ -179,46 +163,44 @@ def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
         effect(n, level, *([["d"]] if level == "one of" else []))
         for n, level in zip("abc", levels, strict=True)
     ]
-    said = found_words.said_of_many("identified", found, [], None)
-    assert said is not None and said.headline == headline
+    assert words_of(findings("identified", explanation("a", "b", "c"), found=found)).headline == headline
 
 
 def test_rivals_are_told_of_effects_that_all_explanations_have() -> None:
     """What one explanation has and another lacks is told by these."""
     found = [effect("a", "one of", ["d", "e"], ["f"]), effect("b", "certain"), effect("c", "one of", ["g"])]
-    said = found_words.told_of_shared(found, [["a", "b", "c"], ["a", "b", "g"]])
-    assert said == (["b"], ["Instead of a: d with e or f."])
-    assert found_words.told_of_shared([effect("a", "one of")], [["a"]]) == ([], [])
+    both = [explanation("a", "b", "c"), explanation("a", "b", "g")]
+    assert effects.shared(found, both) == (["b"], ["Instead of a: d with e or f."])
+    assert effects.shared([effect("a", "one of")], [explanation("a")]) == ([], [])
 
 
-def test_one_and_two_effects_are_told_as_before() -> None:
-    assert (
-        found_words.said_of_many("ambiguous", [effect("a", "certain"), effect("b", "one of")], [], None)
-        is None
-    )
-    assert found_words.said_of_many("none", [], [rung(None)], None) is None
+def test_two_effects_are_told_by_their_explanation() -> None:
+    found = [effect("a", "certain"), effect("b", "one of")]
+    said = words_of(findings("ambiguous", explanation("a", "b"), found=found))
+    assert said.headline.startswith("Perhaps a and b: it would explain the misfit")
 
 
 def test_what_is_said_of_the_unexplained() -> None:
     """Only where the set removes half of the misfit."""
     found = [effect("a", "partial"), effect("b", "one of")]
+
+    def said(misfit: Misfit, *removed: float) -> Said:
+        ladder = [rung(None), *map(rung, removed)]
+        return words_of(findings("unexplained", found=found, ladder=ladder, misfit=misfit))
+
     misfit = Misfit(coordinate="x", worst_at=0.3)
-    said = found_words.said_of_many("unexplained", found, [rung(None), rung(90.0), rung(5.0)], misfit)
-    assert said is not None
-    assert said.headline == "Unexplained in part: it depends on x alone, most near 0.3 m."
-    assert said.support == ("A and b remove 95 % of the misfit.", "Certain so far: a.")
-    assert found_words.said_of_many("unexplained", found, [rung(None), rung(40.0)], misfit) is None
-    like = found_words.said_of_many(
-        "unexplained", found, [rung(None), rung(90.0)], Misfit(coordinate="x", worst_at=0.3, like="dip_in_x")
-    )
-    assert like is not None
+    told = said(misfit, 90.0, 5.0)
+    assert told.headline == "Unexplained in part: it depends on x alone, most near 0.3 m."
+    assert told.support[:2] == ("A and b remove 95 % of the misfit.", "Certain so far: a.")
+    assert said(misfit, 40.0).headline.startswith("Unexplained by any known effects;")
+    like = said(misfit.model_copy(update={"like": "dip_in_x"}), 90.0)
     assert like.headline == "Unexplained in part: it looks like a dip in x, near x = 0.3 m."
 
 
 def test_the_simplest_comes_with_what_else_would_do() -> None:
     one = effect("beam_tilt", "simplest", ["acceptance", "detector_tilt"])
-    assert found_words.level(one) == "simplest; acceptance with detector tilt would do as well"
-    assert found_words.effect_size(one) == "beam_tilt = 0.5 ± 0.01"
+    assert effects.level(one) == "simplest; acceptance with detector tilt would do as well"
+    assert effects.effect_size(one) == "beam_tilt = 0.5 ± 0.01"
 
 
 def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(monkeypatch) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lightfield.diagnosis.verdict.parts import Estimate, StatedEffect
-from lightfield.diagnosis.verdict.stated import stated_lines
+from lightfield.diagnosis.verdict.words.stated import stated_lines
 
 
 @pytest.mark.parametrize(("far", "told"), [(2.9, True), (0.4, False), (None, False)])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from toy_problem import Linear, Toy, candidate, layout
 
-from lightfield.diagnosis.problem.noise import Whitener
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import under_own_errors
 from lightfield.diagnosis.verdict.found.uncertain_light import in_uncertain_light
 

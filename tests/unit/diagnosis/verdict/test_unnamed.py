@@ -11,9 +11,10 @@ from toy_problem import Toy, candidate, layout, waves
 from lightfield.diagnosis.search.pool.nodes import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.verdict.found import found_words, unnamed
+from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate
+from lightfield.diagnosis.verdict.words.effects import unnamed_sentences
 
 #: So many sigma of chi-square without it: below the price of one of five, which is 3.1 (chi-square 9.5).
 SIZE = 2.8
@@ -60,7 +61,7 @@ def test_what_a_small_effect_would_change_is_told() -> None:
     node = found.many.best
     before, stderr = node.fit.values["slope"], node.fit.stderr(1.0)["slope"]
     assert abs(before - 0.1) > 2 * stderr, "the stated error does not hold the truth"
-    said = found_words.unnamed_sentences([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
+    said = unnamed_sentences([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
     assert said[0].startswith("lean is too small to be named (2.8 sigma)")
     assert f"slope from {before:.3g} to {with_it.value:.3g} ±" in said[0]
 
@@ -105,7 +106,7 @@ def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
     there = SimpleNamespace(many=found.many, best=wide)
     (one,) = unnamed.unnamed(there, {"slope": "1/m", "b": "1/m"}, also)
     assert (one.effect, one.in_errors, list(one.with_it)) == ("scattering", True, ["slope", "b"])
-    (said,) = found_words.unnamed_sentences([one], {})
+    (said,) = unnamed_sentences([one], {})
     assert "with it slope = 0.3 ± 0.4 1/m, b = 0.1 ± 0.05 1/m; the stated errors reach there" in said
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 
 import pytest
+from some_findings import effect, explanation, findings
 
 from lightfield.diagnosis.adequacy.structure import Structure
-from lightfield.diagnosis.verdict import words
 from lightfield.diagnosis.verdict.next_measurement import repeat, what_next
 from lightfield.diagnosis.verdict.parts import (
-    AcceptedExplanation,
     Doubt,
     DoubtReason,
     Estimate,
@@ -19,14 +18,9 @@ from lightfield.diagnosis.verdict.parts import (
     PlaceToRead,
     Reason,
 )
-
-
-def explanation(*effects: str, reason: Reason | None = None) -> AcceptedExplanation:
-    return AcceptedExplanation(
-        effects=list(effects), families=["water"] * len(effects), forms=["linear"] * len(effects), weight=0.5,
-        parameters={"water.scattering_per_m": Estimate(value=0.1, reason=reason)},
-        chi2_per_dof=1.0, error_percent=1.0, held_out_percent=None, adequacy_p=0.5,
-    )  # fmt: skip
+from lightfield.diagnosis.verdict.speech import Said
+from lightfield.diagnosis.verdict.words.doubt import doubt
+from lightfield.diagnosis.verdict.words.headline import words_of
 
 
 @pytest.mark.parametrize(
@@ -40,40 +34,41 @@ def explanation(*effects: str, reason: Reason | None = None) -> AcceptedExplanat
     ],
 )
 def test_a_doubt_follows_from_the_reason_why_there_is_no_error(reason: Reason | None, said: str) -> None:
-    text = words.said("ambiguous", [explanation("scattering", reason=reason)], None, words.Grounds())
-    assert text == words.Said.of(f"Perhaps scattering: it would explain the misfit, but {said}.")
+    text = words_of(findings("ambiguous", explanation("scattering", reason=reason)))
+    assert text == Said.of(f"Perhaps scattering: it would explain the misfit, but {said}.")
 
 
 def test_a_curve_that_would_follow_anything_is_no_weak_evidence() -> None:
     """Sixty sigma are no chance; what is open is whether any other readings would be met as well."""
-    text = words.said("ambiguous", [explanation("scattering")], None, words.Grounds(follows_any=True))
+    found = [effect("scattering", "one of", hardly_tested=True)]
+    text = words_of(findings("ambiguous", explanation("scattering"), found=found))
     assert "so would it nearly any readings at these places" in text.sentence
     assert "chance" not in text.sentence
 
 
 def test_what_stands_against_the_only_explanation_is_said() -> None:
     """Not that the evidence against chance is weak; and what is certain all the same."""
-    instead = ("Instead of beam offset: stratification with surface reflection.",)
-    text = words.said(
-        "ambiguous",
-        [explanation("saturation", "beam_offset")],
-        None,
-        words.Grounds(certain=("saturation",), instead=instead),
-    )
+    pair = ["stratification", "surface_reflection"]
+    found = [effect("saturation", "certain"), effect("beam_offset", "one of", pair)]
+    text = words_of(findings("ambiguous", explanation("saturation", "beam_offset"), found=found))
     assert text.headline == (
         "Perhaps saturation and beam offset: it would explain the misfit, but other sets do as well."
     )
-    assert text.support == ("Certain: saturation.", *instead)
+    assert text.support == (
+        "Certain: saturation.",
+        "Instead of beam offset: stratification with surface reflection.",
+    )
 
 
 def test_several_explanations_that_share_an_effect_do_not_make_it_sure() -> None:
-    instead = ("Instead of beam offset: surface reflection.",)
+    instead = "Instead of beam offset: surface reflection."
     pairs = [explanation("beam_offset", "saturation"), explanation("beam_offset", "background")]
-    text = words.said("ambiguous", pairs, RIVAL, words.Grounds(instead=instead))
+    found = [effect("beam_offset", "one of", ["surface_reflection"])]
+    text = words_of(findings("ambiguous", *pairs, nearest_rival=RIVAL, found=found))
     assert text.headline == (
         "Beam offset and saturation or beam offset and background or others: these readings cannot tell."
     )
-    assert text.support[-1] == instead[0] and text.sentence.endswith(instead[0])
+    assert text.support[-1] == instead and text.sentence.endswith(instead)
 
 
 def test_reasons_are_written_as_ever() -> None:
@@ -118,8 +113,8 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
 ) -> None:
     """The page sets the one large and the other small; the terminal says both in one sentence."""
     found = [explanation(*names) for names in effects]
-    said = words.said(kind, found, rival, words.Grounds(within=" within 1 %"))
-    assert said == words.Said(sentence, headline, tuple(support))
+    said = words_of(findings(kind, *found, nearest_rival=rival, within_tolerance=True))
+    assert said == Said(sentence, headline, tuple(support))
     against, aside = "Your scene's background is not in the readings.", "1 of 5 readings was set aside."
     more = said.after(against).then(aside)
     assert more.sentence == f"{against} {sentence} {aside}"
@@ -157,7 +152,7 @@ NO_SLIPS = "readings that no known effect reaches are no slips: they lie togethe
     ],
 )  # fmt: skip
 def test_a_doubt_is_said_from_its_data(reason: DoubtReason, found: dict, said: str) -> None:
-    assert words.doubt(Doubt(reason=reason, **found)) == said
+    assert doubt(Doubt(reason=reason, **found)) == said
 
 
 @pytest.mark.parametrize(
@@ -179,7 +174,7 @@ def test_a_doubt_is_said_from_its_data(reason: DoubtReason, found: dict, said: s
     ],
 )  # fmt: skip
 def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structure, said: str) -> None:
-    assert words.doubt(Doubt(reason=DoubtReason.SET_ASIDE, structure=structure)) == said
+    assert doubt(Doubt(reason=DoubtReason.SET_ASIDE, structure=structure)) == said
 
 
 @pytest.mark.parametrize(
@@ -193,19 +188,20 @@ def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structur
     ],
 )  # fmt: skip
 def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
-    text = words.said("unexplained", [], None, words.Grounds(misfit=misfit, determined=False))
-    assert text == words.Said.of(f"Unexplained by any known effects; {said}.")
+    text = words_of(findings("unexplained", misfit=misfit, determined=False))
+    assert text.headline == f"Unexplained by any known effects; {said}."
 
 
 def test_what_was_not_asked_for_is_not_ruled_out() -> None:
     """Of two effects alone nothing follows for all that are known."""
-    asked = words.Grounds(asked=("scattering", "beam_tilt"))
+    asked = ["scattering", "beam_tilt"]
     by = "the effects asked for (scattering and beam tilt)"
-    assert words.said("unexplained", [], None, asked).headline.startswith(f"Unexplained by {by};")
-    assert words.said("none", [], None, asked).headline == (
+    open_ = words_of(findings("unexplained", asked=asked))
+    assert open_.headline.startswith(f"Unexplained by {by};")
+    assert words_of(findings("none", asked=asked)).headline == (
         "No missing effect among those asked for (scattering and beam tilt) detectable."
     )
-    assert "--effects" in words.not_asked(asked.asked) and not words.not_asked(())
+    assert "--effects" in open_.sentence and "--effects" not in words_of(findings("unexplained")).sentence
 
 
 def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:

@@ -15,9 +15,9 @@ from toy_problem import Toy, candidate, layout, waves
 from lightfield.diagnosis import course as stages
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
-from lightfield.diagnosis.problem.noise import Whitener
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light import settled as module
 from lightfield.diagnosis.search.better_light import settling
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled

@@ -1,11 +1,11 @@
-"""What nothing explains, in words: the local unknown that describes it, and how to test what one suspects."""
+"""What is the rest like that nothing explains, and how can a suspicion be tested?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from lightfield.diagnosis.verdict.parts import LeftOver, Misfit
-from lightfield.diagnosis.verdict.speech import join, roughly
+from lightfield.diagnosis.verdict.speech import UNITS, join, plain, roughly
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit.
 _CALLED = {
@@ -18,6 +18,23 @@ _CALLED = {
 }
 #: Where a factor over a coordinate acts.
 _STAGE = {"x": "path", "y": "path", "z": "path", "theta": "source", "time": "source", "wavelength": "source"}
+
+
+def about(misfit: Misfit | None) -> str:
+    """What is known of a misfit that nothing explains."""
+    if misfit is None:
+        return "it is not a function of one coordinate"
+    if misfit.like is not None and misfit.period_deg is None:
+        name, unit = misfit.coordinate, UNITS.get(misfit.coordinate, "")
+        return f"it looks like a {plain(misfit.like)}, near {name} = {misfit.worst_at:.3g} {unit}".rstrip()
+    return f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
+
+
+def _largest(misfit: Misfit) -> str:
+    """Where an unexplained misfit is largest."""
+    if misfit.period_deg is not None:
+        return f"with a period of {misfit.period_deg:.2g} degrees"
+    return f"most near {misfit.worst_at:.3g} {UNITS.get(misfit.coordinate, '')}".rstrip()
 
 
 def sentences(left: Sequence[LeftOver], misfit: Misfit | None) -> str:
@@ -34,7 +51,7 @@ def _described(one: LeftOver) -> str:
     beside = f" beside {join(one.beside)}" if one.beside else ""
     error = "" if one.error_percent is None else f": the error would be {one.error_percent:.2g} %"
     return (
-        f"A {one.name.replace('_', ' ')}{beside} describes {one.removed_percent:.0f} % of what is left "
+        f"A {plain(one.name)}{beside} describes {one.removed_percent:.0f} % of what is left "
         f"({values}){error}{enough}. It says where the rest is, not what."
     )
 

@@ -1,24 +1,28 @@
-"""The effects that the scene itself has, in the words of the verdict."""
+"""What do the readings say of the effects that the scene itself has?"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, NearestRival, StatedEffect
-from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join
+from lightfield.diagnosis.verdict.findings import Findings
+from lightfield.diagnosis.verdict.parts import (
+    CONTRADICTED_SIGMA,
+    AcceptedExplanation,
+    Estimate,
+    NearestRival,
+    StatedEffect,
+)
+from lightfield.diagnosis.verdict.speech import in_unit, plain
 
-Say = Callable[[Sequence[AcceptedExplanation], NearestRival | None], Said]
 #: Judgements that contradict the scene.
-REFUTED = ("absent", "contradicted")
-#: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
-CONTRADICTED_SIGMA = 5.0
+_REFUTED = ("absent", "contradicted")
 #: From here on the distance is told, though nothing is contradicted: one in twenty is so far away (chosen).
-TOLD_SIGMA = 2.0
+_TOLD_SIGMA = 2.0
 
 
-def clause(entry: StatedEffect) -> str:
+def _clause(entry: StatedEffect) -> str:
     """How the readings contradict the scene, as part of a sentence."""
-    whose = f"your scene's {join([entry.effect or ''])}"
+    whose = f"your scene's {plain(entry.effect or '')}"
     if entry.judgement == "absent":
         path, value = next(iter(entry.stated.items()))
         return f"{whose} is not in the readings ({_bound(entry, path)}, not {value:.4g})"
@@ -40,56 +44,33 @@ def _value(estimate: Estimate) -> str:
     return in_unit(f"{estimate.value:.4g}{error}", estimate.unit)
 
 
-def with_stated(
-    kind: str,
-    explanations: Sequence[AcceptedExplanation],
-    rival: NearestRival | None,
-    stated: Sequence[StatedEffect],
-    say: Say,
-) -> Said:
-    """The verdict in words, where an effect of the scene is not "missing" but there, or not as stated.
+def against(entries: Sequence[StatedEffect]) -> dict[str | None, str]:
+    """How the readings contradict the scene, by effect; empty where they do not."""
+    return {entry.effect: _clause(entry) for entry in entries if entry.judgement in _REFUTED}
 
-    Parameters
-    ----------
-    say : callable
-        Words the verdict on effects that the scene does not have.
-    """
-    has = {entry.effect for entry in stated}
-    wrong = {entry.effect: clause(entry) for entry in stated if entry.judgement in REFUTED}
 
-    def spoken(names: Sequence[str]) -> list[str]:
-        return [f"{join([n])} unlike your scene's" if n in has else n for n in names]
+def beside_scene(v: Findings) -> tuple[list[AcceptedExplanation], NearestRival | None]:
+    """Explanations and rival, where an effect of the scene is not "missing" but of another size."""
+    has = {entry.effect for entry in v.stated}
 
-    next_one = rival and rival.model_copy(update={"effects": spoken(rival.effects)})
-    against = capital("; ".join(wrong.values()))
-    if kind == "identified" and wrong:
-        first = explanations[0]
-        missing = [k for k, name in enumerate(first.effects) if name not in wrong]
-        if not missing:
-            if next_one is None:
-                return Said.of(f"{against}.")
-            far = f"{next_one.separation_sigma:.1f} sigma away"
-            return Said.of(f"{against}.", f"The next rival, {join(next_one.effects)}, is {far}.")
-        left = {
-            "effects": [first.effects[k] for k in missing],
-            "families": [first.families[k] for k in missing],
-        }
-        return say([first.model_copy(update=left)], next_one).after(f"{against}.")
-    named = [e.model_copy(update={"effects": spoken(e.effects)}) for e in explanations]
-    told = say(named, next_one)
-    return told.after(f"{against}.") if wrong else told
+    def called(names: Sequence[str]) -> dict[str, list[str]]:
+        return {"effects": [f"{plain(n)} unlike your scene's" if n in has else n for n in names]}
+
+    told = [one.model_copy(update=called(one.effects)) for one in v.explanations]
+    rival = v.nearest_rival
+    return told, rival and rival.model_copy(update=called(rival.effects))
 
 
 def stated_lines(stated: Sequence[StatedEffect]) -> list[str]:
     """What the verdict says of each of them, a line each; those held fixed share one."""
     out = []
     for entry in stated:
-        if entry.judgement in REFUTED:
-            out.append(f"stated: {clause(entry)}")
+        if entry.judgement in _REFUTED:
+            out.append(f"stated: {_clause(entry)}")
         elif entry.judgement != "held":
             path, value = next(iter(entry.stated.items()))
             out.append(
-                f"stated: your scene's {join([entry.effect or ''])} {_standing(entry)}; "
+                f"stated: your scene's {plain(entry.effect or '')} {_standing(entry)}; "
                 f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated{_apart(entry)}"
             )
             if entry.if_free:
@@ -109,7 +90,7 @@ def _conditional(entry: StatedEffect, path: str, value: float) -> str:
 def _apart(entry: StatedEffect) -> str:
     """How far a size is from the stated one, where that is worth a look."""
     far = entry.sigma_from_stated or 0.0
-    return f", {far:.1f} sigma apart: look into it" if far >= TOLD_SIGMA else ""
+    return f", {far:.1f} sigma apart: look into it" if far >= _TOLD_SIGMA else ""
 
 
 def _standing(entry: StatedEffect) -> str:

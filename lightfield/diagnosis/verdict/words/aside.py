@@ -1,25 +1,14 @@
-"""Readings set aside, in words."""
+"""Which readings took no part, and how far off are they?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
-from lightfield.diagnosis.verdict.parts import PlaceToRead, SetAside
+from lightfield.diagnosis.verdict.parts import SetAside
+from lightfield.diagnosis.verdict.speech import place
 
 #: Readings set aside that the sentence names one by one.
 _NAMED_ASIDE = 3
-#: So often a reading that was set aside is to be repeated: once could be another slip.
-REPEATS = 3
-
-
-def place(one: SetAside | PlaceToRead, waves: bool = False) -> str:
-    """Where a reading was taken, or is to be taken."""
-    medium = "" if one.medium == "water" else f" in {one.medium}"
-    wavelength = one.wavelength_nm if isinstance(one, SetAside) and waves else None
-    colour = "" if wavelength is None else f", {wavelength:g} nm"
-    x, y, z = (round(v, PLACE_DECIMALS) + 0.0 for v in (one.x_m, one.y_m, one.z_m))
-    return f"x = {x:.3g}, y = {y:.3g}, z = {z:.3g} m{colour}{medium}"
 
 
 def off(one: SetAside) -> str:

@@ -1,0 +1,122 @@
+"""How to whiten by the noise: by a factor of its covariance, of few readings as one, of many as a chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.chain import ChainFactor
+from lightfield.diagnosis.problem.dense import DenseFactor
+from lightfield.diagnosis.problem.layout import Labels
+from lightfield.diagnosis.problem.noise import FEW, Noise
+from lightfield.diagnosis.problem.scan import links_of
+
+#: Of many readings, so many are whitened at a time.
+BLOCK = 128
+
+
+class Whitener:
+    """Multiplies columns by the inverse Cholesky factor of the covariance.
+
+    Few readings, or such as share nearly as many errors as there are, are one block, in the table's order.
+    Many are taken in that of the scan, in which stays and serial correlation are short.
+
+    Parameters
+    ----------
+    rho : float
+        Serial correlation of neighbours in the scan.
+    phi : float
+        Variance over the quoted one.
+    tolerance : float
+        Relative error of the light that readings share smoothly.
+    block : int, optional
+        Most readings in one block.
+    """
+
+    def __init__(
+        self,
+        noise: Noise,
+        rho: float = 0.0,
+        phi: float = 1.0,
+        tolerance: float = 0.0,
+        block: int | None = None,
+    ) -> None:
+        self.noise, self.rho, self.phi, self.tolerance = noise, rho, phi, tolerance
+        self._sigma: Array | None = None
+        self._order: Labels | None = None
+        self._of: dict[bytes, Whitener] = {}
+        if rho == 0 and noise.independent(tolerance):
+            variance = noise.variance(phi, tolerance)
+            self._sigma = np.sqrt(variance)
+            #: Logarithm of the determinant of the covariance.
+            self.log_determinant = float(np.log(variance).sum())
+            return
+        self._block = block
+        self.log_determinant = self._factor.log_determinant
+
+    @cached_property
+    def _factor(self) -> DenseFactor | ChainFactor:
+        noise, tolerance, block = self.noise, self.tolerance, self._block
+        n, size = noise.layout.size, block or BLOCK
+        factor: DenseFactor | ChainFactor
+        if n <= (block or FEW) or (block is None and self._is_one(size)):
+            factor = DenseFactor(noise.covariance(self.rho, self.phi, tolerance))
+        else:
+            self._order = np.argsort(noise.layout.position, kind="stable")
+            links = links_of(noise, self.rho, self.phi, tolerance, self._order, size)
+            factor = ChainFactor(links, single=noise.has_many)
+        # Noise of another serial correlation shares what it was made of.
+        noise.forget(columns=self.rho == 0)
+        return factor
+
+    def forget(self) -> None:
+        """Free the memory of the factor: who asks for it again has it made again."""
+        self.__dict__.pop("_factor", None)
+        self._of.clear()
+        self.noise.forget(columns=True)
+
+    def _is_one(self, size: int) -> bool:
+        """Do readings share so many errors that one block of them is as quick as many?"""
+        noise, n = self.noise, self.noise.layout.size
+        if noise.is_kept_whole and noise.has_modes:
+            return True
+        return 2 * noise.smooth_columns(self.tolerance).shape[1] + size > n
+
+    def __call__(self, columns: Array) -> Array:
+        if self._sigma is not None:
+            return columns / (self._sigma if columns.ndim == 1 else self._sigma[:, None])
+        return self._applied(self._factor.white, columns)
+
+    def coloured(self, columns: Array) -> Array:
+        """Columns times the Cholesky factor: the inverse of whitening."""
+        if self._sigma is not None:
+            return columns * (self._sigma if columns.ndim == 1 else self._sigma[:, None])
+        return self._applied(self._factor.coloured, columns)
+
+    def _applied(self, factor: Callable[[Array], Array], columns: Array) -> Array:
+        two = columns[:, None] if columns.ndim == 1 else columns
+        if self._order is None:
+            return np.asarray(factor(two).reshape(columns.shape))
+        out = np.empty(two.shape)
+        out[self._order] = factor(two[self._order])
+        return out.reshape(columns.shape)
+
+    def of(self, rows: NDArray[np.bool_]) -> Whitener:
+        """The same of some of the readings."""
+        key = rows.tobytes()
+        if key not in self._of:
+            self._of[key] = Whitener(self.noise.subset(rows), self.rho, self.phi, self.tolerance)
+        return self._of[key]
+
+    def replicates(self, rng: np.random.Generator, count: int) -> Array:
+        """Whitened noise, shape (n, count), as precise as tables that are kept."""
+        return np.asarray(rng.standard_normal((self.noise.layout.size, count), self.kept_as))
+
+    @property
+    def kept_as(self) -> type[np.float32] | type[np.float64]:
+        """Precision of whitened tables that are kept: of many readings single."""
+        return np.float32 if self.noise.has_many else np.float64

@@ -1,0 +1,105 @@
+"""The verdict for people at a terminal: its sentence, then what supports it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lightfield.diagnosis.problem.untestable import Hindrance, in_words
+from lightfield.diagnosis.verdict.parts import FoundEffect
+from lightfield.diagnosis.verdict.speech import join, place, plain
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.diagnosis.verdict.words import aside
+from lightfield.diagnosis.verdict.words.effects import effect_size, level
+from lightfield.diagnosis.verdict.words.stated import stated_lines
+from lightfield.fitting.parameter import is_gain
+
+#: Explanations, and readings set aside, that a terminal is shown.
+_SHOWN, _LISTED = 8, 20
+#: No column of the ladder has the room for a longer number with its decimals.
+_LONG = 1e5
+
+
+def as_text(verdict: Verdict) -> str:
+    """The verdict for people: one sentence, then what supports it."""
+    lines = [verdict.sentence]
+    if verdict.ladder:
+        lines.append("")
+        lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}{'removes %':>11}")
+        for rung in verdict.ladder:
+            part = "-" if rung.removed_percent is None else f"{rung.removed_percent:.1f}"
+            numbers = f"{_short(rung.error_percent):>9}{_short(rung.chi2_per_dof):>10}"
+            numbers += f"{_short(rung.held_out_percent):>12}{part:>11}"
+            lines.append(f"{rung.label:<28}{numbers}")
+            if rung.rendered_error_percent is not None:
+                about = (
+                    f"{_short(rung.rendered_error_percent):>9} +- {_short(rung.rendered_stderr_percent or 0)}"
+                )
+                lines.append(f"{'  rendered afresh':<28}{about}")
+        lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
+    lines += _found(verdict.found)
+    for explanation in verdict.explanations[:_SHOWN]:
+        values = ", ".join(
+            f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
+            for path, e in explanation.parameters.items()
+            if not is_gain(path) and not path.rpartition(".")[2].isdigit()  # of a curve
+        )
+        lines.append(f"{join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
+    if verdict.next_measurement:
+        lines.append(f"next: {verdict.next_measurement.sentence}")
+    reachable = {k: v for k, v in verdict.detection_limits.items() if v.within_range}
+    if reachable and verdict.verdict == "none":
+        listed = ", ".join(
+            f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
+        )
+        lines.append("would have been seen: " + listed)
+    hidden = [name for name, each in verdict.detection_limits.items() if not each.within_range]
+    if hidden and verdict.verdict == "none":
+        lines.append(f"could not have been seen, not even at the largest plausible size: {', '.join(hidden)}")
+    alike: dict[tuple[Hindrance, ...], list[str]] = {}
+    for name, why in verdict.hindrances.items():
+        alike.setdefault(tuple(why), []).append(name)
+    lines += [f"not testable here: {', '.join(names)} ({in_words(why)})" for why, names in alike.items()]
+    waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
+    for one in verdict.set_aside[:_LISTED]:
+        lines.append(f"set aside: {place(one, waves)}: {aside.off(one)}")
+    if (more := len(verdict.set_aside) - _LISTED) > 0:
+        lines.append(f"set aside: {more} more")
+    lines += stated_lines(verdict.stated)
+    lines += [f"assumed: {a}" for a in verdict.assumed]
+    lines += [f"warning: {w}" for w in verdict.warnings]
+    return "\n".join(lines)
+
+
+def _short(number: float | None) -> str:
+    """Two decimals; of what no column has the room for, its size."""
+    if number is None:
+        return "-"
+    return f"{number:.2f}" if abs(number) < _LONG else f"{number:.1e}"
+
+
+def _found(found: Sequence[FoundEffect]) -> list[str]:
+    """A table of the effects of the best set."""
+    if not found:
+        return []
+    out = ["", f"{'effect':<18}{'sigma':>8}{'gap':>9}{'weight':>8}  level; size"]
+    for one in found:
+        sigma = "-" if one.sigma_to_remove is None else f"{one.sigma_to_remove:.1f}"
+        gap = "-" if one.gap is None else f"{one.gap:.1f}"
+        about = f"{level(one)}; {effect_size(one)}"
+        out.append(f"{one.effect:<18}{sigma:>8}{gap:>9}{one.weight:>8.2f}  {about}")
+    return [*out, *_changes(found)]
+
+
+def _changes(found: Sequence[FoundEffect]) -> list[str]:
+    """What water and beam would be without each."""
+    first = found[0].with_it
+    out = [f"with all: a = {first.absorption_per_m:.4g}, b = {first.scattering_per_m:.4g}, "
+           f"K = {first.attenuation_per_m:.4g} 1/m, hwhm = {first.hwhm_deg:.4g} degrees"]  # fmt: skip
+    for one in found:
+        if (less := one.without_it) is not None:
+            out.append(
+                f"without {plain(one.effect)}: a = {less.absorption_per_m:.4g}, "
+                f"b = {less.scattering_per_m:.4g}, K = {less.attenuation_per_m:.4g} 1/m, "
+                f"hwhm = {less.hwhm_deg:.4g} degrees"
+            )
+    return out

@@ -1,0 +1,111 @@
+"""How sure is each effect of the best set, how large, and what else would do?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
+from lightfield.diagnosis.verdict.speech import capital, exactly, join, plain, roughly
+
+#: Part of the misfit, in per cent, that a set removes before it is spoken of.
+_SPOKEN = 50.0
+#: What may replace an effect, of which so many are told.
+_TOLD = 3
+
+
+def level(one: FoundEffect) -> str:
+    """How sure an effect is, with what else would do."""
+    if one.level == "certain":
+        return "certain"
+    if one.level == "partial":
+        return "certain as far as the unexplained rest allows"
+    others = instead(one)
+    if one.level == "simplest":
+        return f"simplest; {others} would do as well" if others else "simplest"
+    if others:
+        return f"one of: this, or {others}"
+    if follows_any(one):
+        return "not sure: so free a curve would follow nearly any readings at these places"
+    return "not sure"
+
+
+def follows_any(one: FoundEffect) -> bool:
+    """Is it a curve that nothing replaces, and that is not sure all the same?"""
+    return one.level == "one of" and one.hardly_tested and not one.alternatives
+
+
+def instead(one: FoundEffect) -> str:
+    """What would do in place of an effect; "" for nothing."""
+    told = [_with(names) for names in one.alternatives[:_TOLD]]
+    return " or ".join(told)
+
+
+def shared(
+    found: Sequence[FoundEffect], explanations: Sequence[AcceptedExplanation]
+) -> tuple[list[str], list[str]]:
+    """Of effects that all explanations name: which are certain, and what else does as well, in sentences."""
+    common = [one for one in found if all(one.effect in each.effects for each in explanations)]
+    certain = [one.effect for one in common if one.level == "certain"]
+    open_ = [one for one in common if one.level == "one of" and one.alternatives]
+    return certain, [f"Instead of {plain(o.effect)}: {instead(o)}." for o in open_]
+
+
+def _with(names: Sequence[str]) -> str:
+    return " with ".join(map(plain, names))
+
+
+def effect_size(one: FoundEffect) -> str:
+    """The parameters of an effect with their errors; of a curve how far it departs."""
+    if one.rms_percent is not None:
+        return f"a curve of {len(one.parameters)} functions, {one.rms_percent:.2g} % rms of the readings"
+    return ", ".join(f"{path.rpartition('.')[2]} = {exactly(e)}" for path, e in one.parameters.items())
+
+
+def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "") -> tuple[str, ...]:
+    """What a best set explains that leaves something, and what is certain of it; nothing of less than half of
+    the misfit.
+
+    Parameters
+    ----------
+    misfit : str
+        Of what, where not of all readings: " of the others".
+    """
+    removed = sum(rung.removed_percent or 0.0 for rung in ladder)
+    if not found or removed < _SPOKEN:
+        return ()
+    certain = [one.effect for one in found if one.level == "partial"]
+    names = [one.effect for one in found]
+    verb = "removes" if len(names) == 1 else "remove"
+    what = f"{capital(join(names))} {verb} {removed:.3g} % of the misfit{misfit}"
+    known = f"Certain so far: {join(certain)}." if certain else "None of these is certain so far."
+    return f"{what}.", known
+
+
+def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
+    """What effects that are too small to be named would change, a sentence for each.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the best set by path, as stated.
+    """
+    out = []
+    for one in told:
+        if one.in_errors:
+            there = ", ".join(f"{path} = {roughly(e)}" for path, e in one.with_it.items())
+            out.append(
+                f"{plain(one.effect)} is hardly told from what was found here, and every water has some: "
+                f"with it {there}; the stated errors reach there"
+            )
+            continue
+        changes = [
+            f"{path} from {values[path].value:.3g} to {roughly(e)}"
+            for path, e in one.with_it.items()
+            if path in values
+        ]
+        if changes:
+            out.append(
+                f"{plain(one.effect)} is too small to be named ({one.sigma:.1f} sigma), but if it is there "
+                f"it changes {', '.join(changes)}: more than the stated errors say"
+            )
+    return out

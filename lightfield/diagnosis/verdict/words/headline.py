@@ -1,0 +1,201 @@
+"""What does the verdict say? What was found, and how sure that is, by its kind."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import Final
+
+from lightfield.diagnosis.verdict.findings import Findings
+from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
+    Doubt,
+    DoubtReason,
+    FoundEffect,
+    NearestRival,
+    Reason,
+)
+from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join, plain
+from lightfield.diagnosis.verdict.words import aside, rest, stated
+from lightfield.diagnosis.verdict.words.doubt import doubt
+from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
+
+#: Effects from which on the verdict is told by what is known of each.
+MANY: Final = 3
+#: Explanations, or effects asked for, that the sentence names one by one.
+_NAMED = 4
+#: Errors within these factors of the stated ones are "as stated".
+_AS_STATED = 0.8, 1.25
+
+
+def words_of(v: Findings) -> Said:
+    """Headline and what supports it."""
+    why, open_ = v.reason_to_doubt, v.verdict == "unexplained"
+    told = _found(v) if why is None else _doubted(v, why)
+    if why is None and open_:
+        told = told.then(rest.sentences(v.left_over, v.misfit))
+    if open_ and v.asked and (why is None or why.reason is DoubtReason.SET_ASIDE):
+        told = told.then("Other effects were not considered; without --effects all that are known are.")
+    return told.then(aside.sentence(v.set_aside, v.readings, v.several_wavelengths))
+
+
+def _doubted(v: Findings, why: Doubt) -> Said:
+    """Why there is no answer; beside readings that are beyond all effects, what is known of the others."""
+    partly = why.reason is DoubtReason.SET_ASIDE
+    known = so_far(v.found, v.ladder, " of the others") if partly else ()
+    return Said.of(f"Unexplained{' in part' if known else ''}: {doubt(why, v.asked)}.", *known)
+
+
+def _found(v: Findings) -> Said:
+    """What was found, where nothing speaks against believing it; first what it says against the scene."""
+    against = stated.against(v.stated)
+    told, rival = stated.beside_scene(v)
+    if not against:
+        return _of_kind(v, told, rival)
+    refuted = capital("; ".join(against.values())) + "."
+    if v.verdict == "identified":
+        one = v.explanations[0]
+        left = [(e, f) for e, f in zip(one.effects, one.families, strict=True) if e not in against]
+        if not left:
+            far = [f"The next rival, {join(rival.effects)}, is {_away(rival)}."] if rival else []
+            return Said.of(refuted, *far)
+        told = [one.model_copy(update={"effects": [e for e, _ in left], "families": [f for _, f in left]})]
+    return _of_kind(v, told, rival).after(refuted)
+
+
+def _of_kind(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
+    """What was found, in a sentence or two.
+
+    Parameters
+    ----------
+    told : sequence of AcceptedExplanation
+        The explanations with their effects as they are to be called.
+    """
+    if v.verdict == "unexplained":
+        return _unexplained(v)
+    if v.verdict == "none":
+        return _none(v)
+    if len(v.found) >= MANY:
+        return _many(v.found)
+    if v.verdict == "identified":
+        return _identified(v, told[0], rival)
+    return _one_of(v, told, rival) if len(told) > 1 else _perhaps(v, told[0])
+
+
+def _none(v: Findings) -> Said:
+    among = f" among those asked for{_listed(v.asked)}" if v.asked else ""
+    return Said.of(f"No missing effect{among} detectable{_within(v)}.", f"{capital(_seen(v))}.")
+
+
+def _identified(v: Findings, one: AcceptedExplanation, rival: NearestRival | None) -> Said:
+    families = list(dict.fromkeys(one.families))
+    kinds = f"{'family' if len(families) == 1 else 'families'}: {join(families)}"
+    near = f"; the next rival, {join(rival.effects)}, is {_away(rival)}" if rival else ""
+    what = f"{_missing(one.effects)}{_within(v)}"
+    return Said(f"{what} ({kinds}){near}.", f"{what}.", (f"{capital(kinds)}{near}.",))
+
+
+def _perhaps(v: Findings, one: AcceptedExplanation) -> Said:
+    """The only explanation, and why it is not sure."""
+    certain, others = shared(v.found, v.explanations)
+    reasons = {e.reason for e in one.parameters.values()}
+    if Reason.AT_BOUNDARY in reasons:
+        but = "only with a parameter at the edge of what is plausible"
+    elif not v.determined:
+        but = "with as many parameters as there are readings anything can"
+    elif reasons & {Reason.UNDETERMINED, Reason.TOO_WIDE}:
+        but = "these readings do not determine its size"
+    elif any(map(follows_any, v.found)):
+        but = "so would it nearly any readings at these places: it is a curve as free as they are"
+    elif others:
+        but = "other sets do as well"
+    else:
+        but = "the evidence against chance is weak"
+    what = f"Perhaps {join(one.effects)}{_within(v)}: it would explain the misfit, but {but}."
+    return Said.of(what, *([f"Certain: {join(certain)}."] if certain else []), *others)
+
+
+def _one_of(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
+    """Explanations that cannot be told apart."""
+    _, others = shared(v.found, v.explanations)
+    rest_of = len(told) - _NAMED
+    more = f" or one of {rest_of} others" if rest_of > 1 else " or one other" if rest_of == 1 else ""
+    listed = " or ".join(join(e.effects) for e in told[:_NAMED])
+    what = f"{capital(listed)}{' or others' if others else more}: these readings cannot tell"
+    if rival is None:
+        return Said.of(f"{what}{_within(v)}.", *others)
+    apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
+    first = Said(f"{what} ({apart}){_within(v)}.", f"{what}{_within(v)}.", (f"{capital(apart)}.",))
+    return reduce(Said.then, others, first)
+
+
+def _many(found: Sequence[FoundEffect]) -> Said:
+    """The effects of the best set, each by what is known of it."""
+    sure = [one.effect for one in found if one.level in ("certain", "simplest")]
+    certain = [one.effect for one in found if one.level == "certain"]
+    support = [f"Certain: {join(certain)}."] if certain else []
+    support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == "simplest"]
+    slots = "; ".join(_slot(one) for one in found if one.level == "one of")
+    if not slots:
+        return Said.of(f"{capital(join(sure))} are missing in the model.", *support)
+    if not sure:
+        return Said.of(f"Several effects are missing in the model: {slots}.")
+    return Said.of(f"{_missing(sure)}; also {slots}.", *support)
+
+
+def _slot(one: FoundEffect) -> str:
+    others = instead(one)
+    return f"{plain(one.effect)} or {others}" if others else f"perhaps {plain(one.effect)}"
+
+
+def _unexplained(v: Findings) -> Said:
+    about = rest.about(v.misfit)
+    if known := so_far(v.found, v.ladder):
+        return Said.of(f"Unexplained in part: {about}.", *known)
+    by = f"the effects asked for{_listed(v.asked)}" if v.asked else "any known effects"
+    return Said.of(f"Unexplained by {by}; {about}.")
+
+
+def _missing(names: Sequence[str]) -> str:
+    return f"{capital(join(names))} {'is' if len(names) == 1 else 'are'} missing in the model"
+
+
+def _away(rival: NearestRival) -> str:
+    return f"{rival.separation_sigma:.1f} sigma away"
+
+
+def _within(v: Findings) -> str:
+    """The tolerance that the statement needs, and the errors that it rests on."""
+    within = f" within {v.tolerance_percent:g} %" if v.within_tolerance else ""
+    return f"{within} with the errors taken on trust" if v.errors_on_trust else within
+
+
+def _listed(asked: Sequence[str]) -> str:
+    """The effects asked for, where they are few."""
+    return f" ({join(asked)})" if len(asked) <= _NAMED else ""
+
+
+def _seen(v: Findings) -> str:
+    """The smallest effect that would have been seen, of those that the scene has not, and at which noise."""
+    own = {entry.effect for entry in v.stated}
+    limits = {name: limit for name, limit in v.detection_limits.items() if name not in own}
+    first = [name for name in ("scattering", "background") if name in limits]
+    for name in (*first, *limits):
+        if (limit := limits[name]).within_range:
+            least = in_unit(f"{limit.value:.2g}", limit.unit)
+            return f"{_at_noise(v)}{plain(name)} above {least} would have been seen"
+    return (
+        f"{_at_noise(v)}no effect of plausible size would have been seen: these readings say nothing of any"
+    )
+
+
+def _at_noise(v: Findings) -> str:
+    """The noise that detection limits rest on, as the beginning of a sentence."""
+    if v.noise_percent is None:
+        return ""
+    origin = "estimated from the scatter"
+    if v.errors_stated:
+        factor = v.variance_scale**0.5
+        low, high = _AS_STATED
+        origin = "as stated" if low < factor < high else f"{factor:.2g} times the stated one"
+    return f"at a noise of {v.noise_percent:.2g} % of a bright reading ({origin}), "

@@ -1,0 +1,91 @@
+"""What stands in a reading table, before anything of it is checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightfield.arrays import Array
+from lightfield.readings.columns import COLUMNS, ErrorBudget
+from lightfield.readings.load_warning import LoadWarning
+
+
+@dataclass(frozen=True, eq=False)
+class Unchecked:
+    """Detector readings; nan where a number is not known.
+
+    Parameters
+    ----------
+    x_m, y_m, z_m : array, shape (n,), m
+        Positions; z along the tank from the lamp's window.
+    medium : array of str, shape (n,)
+        "water" or "air".
+    wavelength_nm : array, shape (n,), nm
+        Band centre; nan is the scene's band.
+    value, stderr : array, shape (n,), `units`
+        Reading and its standard error.
+    time_s, integration_time_s : array, shape (n,), s
+        When it was taken, and the exposure.
+    role : array of str, shape (n,)
+        "signal", or "reference" for repeats at a reference position.
+    repeat, visit : array, shape (n,)
+        Number of the repeat at this position; of the stay at this plane.
+    saturated : array of bool, shape (n,)
+        Saturated in the file or at least `budget.saturation_level`: a lower bound, not a value.
+    budget : ErrorBudget
+    quantity : str
+        One of QUANTITIES, or "" when the table does not say.
+    scale : str
+        "relative" (one free gain) or "absolute" (a gain that is 1 but for the error of the calibration).
+    units : str
+        Unit of `value`, as the user gave it.
+    source : str
+        File it came from.
+    metadata : dict
+        Head entries that lightfield does not use.
+    extra : dict of str to array of str, shape (n,)
+        Columns that lightfield does not use, as text.
+    warnings : tuple of LoadWarning
+    line : array of int, shape (n,), optional
+        Line of `source` that each reading stands in.
+    of_band : bool
+        The table states no wavelength: readings are means over the scene's only band, in whose middle
+        `check_against` has put them.
+    """
+
+    x_m: Array
+    y_m: Array
+    z_m: Array
+    medium: NDArray[np.str_]
+    wavelength_nm: Array
+    value: Array
+    stderr: Array
+    time_s: Array
+    integration_time_s: Array
+    role: NDArray[np.str_]
+    repeat: Array
+    visit: Array
+    saturated: NDArray[np.bool_]
+    budget: ErrorBudget = field(default_factory=ErrorBudget)
+    quantity: str = ""
+    scale: str = "relative"
+    units: str = ""
+    source: str = ""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    extra: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
+    warnings: tuple[LoadWarning, ...] = ()
+    line: NDArray[np.int_] | None = None
+    of_band: bool = False
+
+    def __post_init__(self) -> None:
+        for array in [*(getattr(self, name) for name in COLUMNS), *self.extra.values()]:
+            if array.shape != self.value.shape or array.ndim != 1:
+                raise ValueError(f"columns of different length: {array.shape} and {self.value.shape}")
+            array.setflags(write=False)
+
+    def __len__(self) -> int:
+        return len(self.value)
