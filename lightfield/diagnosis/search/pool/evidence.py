@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.search.pool.planes import water_may_do_it
 
@@ -55,6 +56,8 @@ class Evidence:
         The best set less this effect.
     weight : float
         Share of exp(-cost/2) of all sets that holds it; counts parsimony as evidence, and decides nothing.
+    beyond : tuple of str
+        Effects at the end of their range: were they larger, this one would not be needed.
     """
 
     candidate: Candidate
@@ -67,6 +70,7 @@ class Evidence:
     alternatives: tuple[tuple[str, ...], ...]
     without: Node | None
     weight: float
+    beyond: tuple[str, ...] = ()
 
     @property
     def is_claimed(self) -> bool:
@@ -146,10 +150,11 @@ def evidence(pool: Pool, best: Node, adequate: bool) -> list[Evidence]:
         Beside the set nothing is missing.
     """
     weighing = Weighing.of(pool, best)
-    return [_of(weighing, candidate, adequate) for candidate in best.explanation]
+    beyond = needless_beyond(pool, best, NAMED_GAP) if adequate else {}
+    return [_of(weighing, c, adequate, beyond.get(c.name, ())) for c in best.explanation]
 
 
-def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
+def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[str, ...]) -> Evidence:
     pool, best, name = weighing.pool, weighing.best, candidate.name
     less = [n for n in pool.nodes.values() if name not in n.names]
     named = [n for n in less if not contained(name, n)]
@@ -166,10 +171,10 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool) -> Evidence:
         part = min(gap, gap_named) > PARTIAL * left and not _strained(best)
         level = "partial" if part else "one of"
     else:
-        level = "one of" if _at_edge(pool, best, candidate) else _claim(gap, gap_named, gap_plus)
+        level = "one of" if beyond or _at_edge(pool, best, candidate) else _claim(gap, gap_named, gap_plus)
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
-        _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name),
+        _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name), beyond,
     )  # fmt: skip
 
 
