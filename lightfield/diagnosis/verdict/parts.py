@@ -106,6 +106,10 @@ class FoundEffect(Record):
     alternatives: list[list[str]] = Field(
         default_factory=list, description="what replaces it in sets that are accepted too"
     )
+    beyond: list[str] = Field(
+        default_factory=list,
+        description="effects at an end of their range: were they larger, this one would not be needed",
+    )
     weight: float = Field(1.0, description="share of exp(-cost/2) of all sets with it; decides nothing")
     hardly_tested: bool = Field(
         False, description="a curve that would follow nearly any readings at these places"

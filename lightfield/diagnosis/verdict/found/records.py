@@ -71,6 +71,7 @@ def _record(
             "gap_plus": finite(one.gap_plus),
             "rival": sorted(one.rival.names) if one.rival is not None else [],
             "alternatives": [list(names) for names in one.alternatives],
+            "beyond": list(one.beyond),
             "weight": one.weight,
             "without_it": None if one.without is None else _water_and_beam(forward, one.without.fit),
         }

@@ -31,12 +31,14 @@ def level(one: FoundEffect) -> str:
 
 def follows_any(one: FoundEffect) -> bool:
     """Is it a curve that nothing replaces, and that is not sure all the same?"""
-    return one.level == "one of" and one.hardly_tested and not one.alternatives
+    return one.level == "one of" and one.hardly_tested and not instead(one)
 
 
 def instead(one: FoundEffect) -> str:
     """What would do in place of an effect; "" for nothing."""
     told = [_with(names) for names in one.alternatives[:_TOLD]]
+    if one.beyond:
+        told.insert(0, f"more {_with(one.beyond)} than is held plausible")
     return " or ".join(told)
 
 
@@ -46,7 +48,7 @@ def shared(
     """Of effects that all explanations name: which are certain, and what else does as well, in sentences."""
     common = [one for one in found if all(one.effect in each.effects for each in explanations)]
     certain = [one.effect for one in common if one.level == "certain"]
-    open_ = [one for one in common if one.level == "one of" and one.alternatives]
+    open_ = [one for one in common if one.level == "one of" and instead(one)]
     return certain, [f"Instead of {plain(o.effect)}: {instead(o)}." for o in open_]
 
 

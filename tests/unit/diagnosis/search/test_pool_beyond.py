@@ -1,0 +1,76 @@
+"""What other effects may not leave their range for is not certain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting.effects import Effect, registry, water
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+ASIDE_M, PER_M, CLEARS_PER_HOUR = 0.02, 0.1, 0.25
+SCENE = {
+    "lamp": {"hwhm_deg": 7.5},
+    "water": {"absorption_per_m": 0.11},
+    "detector": {"planes_m": [2.0, 3.0, 4.0, 5.0, 6.0, 7.0]},
+}
+
+
+def read(seed: int) -> Readings:
+    """By formulas of their own: a lamp of 7 degrees 2 cm aside, water that clears by a quarter in an hour."""
+    rng = np.random.default_rng(seed)
+    planes = SCENE["detector"]["planes_m"]
+    places = [(x, 0.0, z) for z in planes for x in np.linspace(-1, 1, 17)]
+    places += [(0.0, y, z) for z in planes for y in np.linspace(-0.8, 0.8, 9)]
+    x, y, z = np.array(places)[rng.permutation(len(places))].T
+    hour = np.linspace(0, 2, len(x))
+    across, far = np.hypot(x - ASIDE_M, y), np.sqrt((x - ASIDE_M) ** 2 + y**2 + z**2)
+    beam = np.exp(-np.log(2) * (np.arctan2(across, z) / np.radians(7.0)) ** 2)
+    value = beam * z / far**3 * np.exp(-PER_M * (1 - CLEARS_PER_HOUR * hour) * far)
+    value /= value.max()
+    sigma = np.hypot(0.004 * value, 2e-4)
+    value = value + sigma * rng.standard_normal(len(value))
+    return Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=value, stderr=sigma, time_s=3600 * hour)
+
+
+def verdict_of(seed: int) -> Verdict:
+    return diagnose(read(seed), Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_water_that_clears_by_a_quarter_in_an_hour_is_found(seed: int) -> None:
+    """Were no more than a tenth held plausible, a drift of the lamp would make up for the rest."""
+    verdict = verdict_of(seed)
+    assert sorted(verdict.certain) == ["beam_offset", "water_drift"] == sorted(verdict.best_set)
+    size = verdict.ladder[-1].parameters["water.drift_per_m_per_hour"]
+    assert abs(size.value + CLEARS_PER_HOUR * PER_M) < 3 * size.stderr
+
+
+def _narrow(effect: Effect) -> Effect:
+    """With a tenth of the attenuation per hour at most."""
+    (form,) = effect.forms
+    (free,) = form.amplitudes
+    return replace(effect, forms=(replace(form, amplitudes=(replace(free, low=-0.1, high=0.1),)),))
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_makes_up_for_an_effect_at_its_end_is_not_certain(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    narrow = tuple(_narrow(e) if e.name == "water_drift" else e for e in water.EFFECTS)
+    monkeypatch.setattr(water, "EFFECTS", narrow)
+    registry.table.cache_clear()
+    try:
+        verdict = verdict_of(seed)
+    finally:
+        monkeypatch.undo()
+        registry.table.cache_clear()
+    assert "water_drift" in verdict.best_set
+    assert set(verdict.certain) <= {"beam_offset"} >= set(verdict.simplest)
+    made_up = [one for one in verdict.found if one.beyond]
+    assert made_up and all(one.beyond == ["water_drift"] and one.level == "one of" for one in made_up)
