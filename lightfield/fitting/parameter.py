@@ -44,6 +44,8 @@ class FitParameter:
     coordinate : str
         "linear", "log", "square" (the fit moves value^2, as of what counts only by its spread), or
         "inverse-square" (the fit moves (10/value)^2, 0 standing for infinitely wide).
+    limits : tuple of float
+        What a scene can have, in the fit's own coordinate.
     """
 
     path: str
@@ -52,6 +54,7 @@ class FitParameter:
     start: float
     step: float
     coordinate: str = "linear"
+    limits: tuple[float, float] = (-np.inf, np.inf)
 
     @property
     def is_held(self) -> bool:

@@ -20,6 +20,7 @@ from lightfield.formula.path import attenuation_per_m
 from lightfield.render.reflected.light import applies
 from lightfield.scene import Scene
 from lightfield.scene.parameters import Parameter
+from lightfield.scene.water.library import pure_water_absorption
 
 #: Finite differences step by this part of the typical size: little physics, much for the single precision
 #: in which the response of the diffuse light is kept.
@@ -34,6 +35,10 @@ _FEWEST_FUNCTIONS = 2
 #: Attenuation of the clearest water there is, in 1/m, rounded: pure water at 490 nm (Pope & Fry 1997, Appl.
 #: Opt. 36, 8710, doi:10.1364/AO.36.008710).
 _CLEAREST_PER_M = 0.02
+
+#: What is in water adds so much to the spread of attenuation in a band, in 1/m for each nm of it. Chosen:
+#: as CDOM of 0.25 per m at 440 nm (slope 0.014 per nm) has in a band about it. Places in a band.
+_COLOURED_PER_M_NM, _IN_BAND = 0.001, 33
 
 #: What stands in the way where a condition of the table is not fulfilled.
 UNMET: Mapping[str, Hinders] = {
@@ -82,6 +87,15 @@ class Setting:
         colours = np.unique(known) if known.size else np.array([middle])
         return max(float(np.max(attenuation_per_m(self.scene.water, colours))), _CLEAREST_PER_M)
 
+    @property
+    def spread_per_m(self) -> float:
+        """Largest plausible standard deviation of the attenuation within the scene's first band, 1/m: that of
+        pure water, and what coloured matter in it may add."""
+        wavelength, absorption, _ = pure_water_absorption()
+        low, high = self.scene.detector.bands_nm[0]
+        pure = np.interp(np.linspace(low, high, _IN_BAND), wavelength, absorption)
+        return float(np.std(pure)) + _COLOURED_PER_M_NM * self.band_nm
+
     def met(self, need: str) -> bool:
         """Is a condition of the table fulfilled by these readings and this scene?"""
         layout = self.layout
@@ -117,7 +131,7 @@ class Setting:
             "seconds": (span_s, 0.0),
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
-            "band": (self.band_nm, 0.0),
+            "spread": (self.spread_per_m, 0.0),
             "attenuation": (self.attenuation_per_m, 0.0),
         }[per]
 
@@ -188,15 +202,15 @@ def _parameter(
     free: Free, setting: Setting, known: Mapping[str, Parameter], shape: bool
 ) -> tuple[FitParameter, float, Array]:
     factor, offset = setting.scale(free.per)
+    factor = factor**2 if free.square else factor
     now = known[free.path].value
     coordinate = "inverse-square" if free.inverse_square else "square" if free.square else "linear"
     low, high = offset + factor * free.low, offset + factor * free.high
+    limits = _limits(known[free.path], coordinate)
     if coordinate == "linear":
-        declared = known[free.path]
-        low = low if declared.low is None else max(low, declared.low)
-        high = high if declared.high is None else min(high, declared.high)
+        low, high = max(low, limits[0]), min(high, limits[1])
     grid = offset + factor * np.array(free.grid)
-    parameter = FitParameter(free.path, low, high, now, STEP * factor * free.typical, coordinate)
+    parameter = FitParameter(free.path, low, high, now, STEP * factor * free.typical, coordinate, limits)
     start = parameter.coordinate_of(now)
     if not shape:
         low, high = min(low, start), max(high, start)  # what the scene has is plausible
@@ -204,7 +218,16 @@ def _parameter(
         edge = _FROM_THE_ENDS * (high - low)
         grid = np.clip(grid, low + edge, high - edge)
         start = float(grid[0])
-    return FitParameter(free.path, low, high, start, parameter.step, coordinate), factor * free.typical, grid
+    return replace(parameter, low=low, high=high, start=start), factor * free.typical, grid
+
+
+def _limits(declared: Parameter, coordinate: str) -> tuple[float, float]:
+    """What a scene can have of a parameter, in the coordinate of the fit."""
+    if coordinate == "inverse-square":
+        return 0.0, np.inf
+    low = -np.inf if declared.low is None else declared.low
+    high = np.inf if declared.high is None else declared.high
+    return (max(low, 0.0) ** 2, high**2) if coordinate == "square" else (low, high)
 
 
 def _resolve(

@@ -19,7 +19,7 @@ Scale = Literal[
     "inverse_hours",
     "seconds",
     "range",
-    "band",
+    "spread",
     "attenuation",
 ]
 Need = Literal[
@@ -56,14 +56,15 @@ class Free:
         What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
         "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
-        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "band" (band width in nm),
-        "attenuation" (of the scene's water, 1/m).
+        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "spread" (of the attenuation in the band,
+        1/m, as water may have it), "attenuation" (of the scene's water, 1/m).
     grid : tuple of float
         Start values of a shape parameter, one that means nothing while the amplitude is zero.
     inverse_square : bool
         The fit moves (10/value)^2, for widths whose neutral value is "infinitely wide", stored as 0.
     square : bool
-        The fit moves value^2, for what changes the light by its square; the numbers above are squares too.
+        The fit moves value^2, for what changes the light by its square; the numbers above are squares too,
+        in multiples of that of `per`.
     needs : tuple of str
         Conditions on the readings without which this parameter stays fixed.
     """

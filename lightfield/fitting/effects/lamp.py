@@ -115,7 +115,7 @@ EFFECTS = (
     Effect(
         "lamp_size",
         "beam shape",
-        # Squares of the radius: up to 10 cm, as lamps under water have; 3 cm is worth asking about.
+        # Squares of the radius: up to 25 cm, as panels have; 3 cm is worth asking about.
         (Form("uniform disc", (Free("lamp.radius_m", 0.0, 0.0625, 0.0009, square=True),)),),
         "The window is no point: light from its rim arrives from another angle, and from another place.",
         "Near planes too wide and rounded, by the same metres at every plane; far ones right. A source that "

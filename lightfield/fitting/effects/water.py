@@ -54,7 +54,7 @@ EFFECTS = (
     Effect(
         "spectral_hardening",
         "path and attenuation",
-        (Form("second order", (Free("water.hardening_per_m", 0.0, 0.002, 0.0003, per="band"),)),),
+        (Form("second order", (Free("water.hardening_per_m", 0.0, 1.0, 0.09, per="spread", square=True),)),),
         "In a wide band the strongly absorbed wavelengths go first, so the rest decays more slowly.",
         "The decay on the axis flattens with distance, at all angles alike.",
         "Use a narrower filter: the curvature falls with the square of the band width.",
@@ -108,7 +108,7 @@ EFFECTS = (
     Effect(
         "water_drift",
         "time",
-        # Tanks change by 1 to 5 % of c per hour; more is a drift of the lamp, or particles that settle.
+        # Tanks change by 1 to 5 % of c per hour, and by a quarter after the water was stirred.
         (Form("linear", (Free("water.drift_per_m_per_hour", -0.3, 0.3, 0.01, per="attenuation"),)),),
         "The water clears, or becomes turbid, while the scan runs (fine particles, bubbles, growth).",
         "A change in time that grows with the distance; the same factor at each distance. Of planes read one "

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Mask
+from lightfield.arrays import Array, Mask
 from lightfield.errors import MeasurementError
 from lightfield.readings import units
 from lightfield.readings.columns import COLUMNS, ErrorBudget
@@ -88,6 +88,7 @@ def import_index(
     notes += [] if time_note is None else [time_note]
     darks = [shot for shot in shots if shot.entry.role == "dark"]
     sequence = _in_order([shot for shot in shots if shot.entry.role in ("signal", "reference")])
+    lit_s = np.sort([shot.time_s for shot in sequence])
     points: dict[tuple[int, int], BandValue] = {}
     flat: dict[str, float] = {}
     for k, shot in enumerate(sequence):
@@ -95,7 +96,7 @@ def import_index(
         if top is not None:
             flat[shot.entry.called] = top
         try:
-            found = _in_bands(shot, darks, unit, bands_nm, saturated)
+            found = _in_bands(shot, darks, lit_s, unit, bands_nm, saturated)
         except ValueError as error:
             problems.add(f"{shot.entry.called}: {error}", place=shot.entry.line)
         else:
@@ -236,12 +237,14 @@ def _in_order(shots: Sequence[Shot]) -> list[Shot]:
     return list(shots)
 
 
-def _in_bands(shot: Shot, darks: Sequence[Shot], unit: str, bands: Bands, saturated: Mask) -> list[BandValue]:
+def _in_bands(
+    shot: Shot, darks: Sequence[Shot], lit_s: Array, unit: str, bands: Bands, saturated: Mask
+) -> list[BandValue]:
     """What a spectrum gives in every band; a ValueError says why it gives nothing."""
     counts = unit == "counts"
     values = reduction.signal(shot, unit)
     own = "value" not in shot.spectrum.columns and (not counts or reduction.has_dark(shot.spectrum))
-    chosen = reduction.choose_darks(shot, darks, counts) if darks and not own else []
+    chosen = reduction.choose_darks(shot, darks, counts, lit_s) if darks and not own else []
     names = tuple(d.entry.called for d in chosen) or (("own column",) if own and counts else ())
     wavelength, scale = shot.spectrum.wavelength_nm, shot.exposure_s if counts else 1.0
     out = []

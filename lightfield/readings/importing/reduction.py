@@ -130,14 +130,17 @@ def has_dark(spectrum: Spectrum) -> bool:
     return dark is not None and bool(np.nan_to_num(dark).any())
 
 
-def choose_darks(shot: Shot, darks: Sequence[Shot], need_exposure: bool) -> list[Shot]:
+def choose_darks(shot: Shot, darks: Sequence[Shot], need_exposure: bool, lit_s: Array) -> list[Shot]:
     """The dark spectra that belong to a shot: same spectrometer pixels and exposure, nearest in time.
 
-    Darks that are equally near (or all, when a time is missing) are averaged.
+    With the nearest go all that were taken with it, no spectrum of light between them, and those that are
+    equally near (or all, when a time is missing).
 
     Parameters
     ----------
     darks : sequence of Shot
+    lit_s : array, shape (n,), s
+        Times of all spectra of light, in order.
     need_exposure : bool
         Must the exposures be known? Where not, unknown ones match.
 
@@ -161,7 +164,9 @@ def choose_darks(shot: Shot, darks: Sequence[Shot], need_exposure: bool) -> list
     away = np.array([abs(d.time_s - shot.time_s) for d in matching])
     if np.isnan(away).any():
         return matching
-    return [d for d, gap in zip(matching, away, strict=True) if gap <= away.min()]
+    series = np.searchsorted(lit_s, [d.time_s for d in matching])
+    nearest = set(series[away <= away.min()])
+    return [d for d, number in zip(matching, series, strict=True) if number in nearest]
 
 
 def _same_exposure(one: float, other: float, needed: bool) -> bool:

@@ -244,12 +244,14 @@ def published_sentences(one: Apparent) -> list[str]:
 def _apparent_lines(one: Apparent) -> list[str]:
     r = one.ratios
     mean, error = one.mean()
+    colours = len(one.K_per_m)
     return [
-        f"{r.scene.detector.quantity}, {len(r.path_m)} places, {len(one.K_per_m)} wavelengths, against "
+        f"{r.scene.detector.quantity}, {len(r.path_m)} places, {colours} wavelengths, against "
         + ("readings in air" if r.reference == "air" else "the formula in lossless water"),
         headline(one),
         "  ".join(f"{head:>17}" for head in table_head(one)),
         *("  ".join(f"{cell:>17}" for cell in row) for row in table_rows(one)),
+        *([f"({SHOWN} of {colours} are shown; --json writes all)"] if colours > SHOWN else []),
         f"mean of all wavelengths {mean:.4f} ± {error:.4f} per m; of each error up to "
         f"{one.shared_stderr.max():.4f} per m is common to all wavelengths",
         fit_sentence(one),

@@ -66,6 +66,19 @@ def test_of_darks_with_the_same_exposure_the_nearest_in_time_is_taken(campaign):
     assert readings.value == pytest.approx([rate(525) - 500 / 0.05], rel=1e-9)
 
 
+def test_darks_taken_together_are_averaged_and_their_scatter_is_in_the_error(campaign):
+    """One of four darks would leave its own noise in all readings of that exposure."""
+    oceanview(campaign / "again.txt", DARK * 1.05 + 8 + 0.05 * rate(WAVELENGTH), 0.05)
+    rows = ["a.txt,4.5,0,90,signal", "again.txt,4.5,0,91,signal", "dark_a.txt,,,0,dark"]
+    for k, more in enumerate((20.0, -30.0, 40.0, 10.0)):
+        oceanview(campaign / f"late_{k}.txt", DARK * 1.05 + more, 0.05)
+        rows.append(f"late_{k}.txt,,,{100 + k},dark")
+    readings = run(campaign, rows)
+    assert readings.value == pytest.approx([rate(525) - (10.0 - 4.0) / 0.05], rel=1e-9)
+    of_darks = np.std([20, -30, 40, 10], ddof=1) / 2
+    assert readings.stderr == pytest.approx([np.hypot(of_darks, 4.0) / 0.05], rel=1e-6)
+
+
 def test_darks_without_times_are_averaged(campaign):
     oceanview(campaign / "late.txt", DARK * 1.05 + 500, 0.05)
     readings = run(campaign, ["a.txt,4.5,0,,signal", "dark_a.txt,,,,dark", "late.txt,,,0,dark"])

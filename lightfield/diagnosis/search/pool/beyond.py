@@ -14,7 +14,6 @@ import numpy as np
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.fitting.parameter import FitParameter
-from lightfield.scene.parameters import Parameter
 
 #: A range is drawn out by so many times its width, and what leaves it by less of chi-square than a gap that
 #: parts two sets, in units of the noise, did not ask for it. Chosen.
@@ -50,7 +49,7 @@ def needless_beyond(pool: Pool, best: Node, gap: float) -> dict[str, tuple[str, 
     ends = at_an_end(best)
     if not ends or not pool.affordable(best.explanation):
         return {}
-    wide = tuple(_drawn_out(pool, c, ends) for c in best.explanation)
+    wide = tuple(_drawn_out(c, ends) for c in best.explanation)
     fit = pool.problem.fit(wide, pool.ground.test.whiten, [best.fit.u])
     if (best.fit.chi2 - fit.chi2) / pool.ground.phi < _ASKED:
         return {}
@@ -69,21 +68,12 @@ def needless_beyond(pool: Pool, best: Node, gap: float) -> dict[str, tuple[str, 
     return out
 
 
-def _drawn_out(pool: Pool, candidate: Candidate, ends: set[str]) -> Candidate:
+def _drawn_out(candidate: Candidate, ends: set[str]) -> Candidate:
     """An effect whose amplitudes may leave their ranges where they lie at an end, as far as a scene can."""
-    scenes = pool.problem.forward.scenes
-    declared = {**scenes.scene.parameters(), **scenes.curves.parameters}
-    amplitudes = tuple(_farther(p, declared[p.path]) if p.path in ends else p for p in candidate.amplitudes)
+    amplitudes = tuple(_farther(p) if p.path in ends else p for p in candidate.amplitudes)
     return replace(candidate, amplitudes=amplitudes)
 
 
-def _farther(own: FitParameter, declared: Parameter) -> FitParameter:
-    room = _FARTHER * (own.high - own.low)
-    low, high = own.low - room, own.high + room
-    if own.coordinate != "linear":  # squares, and inverse ones
-        low = max(low, 0.0)
-        high = high if own.coordinate != "square" or declared.high is None else min(high, declared.high**2)
-    else:
-        low = low if declared.low is None else max(low, declared.low)
-        high = high if declared.high is None else min(high, declared.high)
-    return replace(own, low=low, high=high)
+def _farther(own: FitParameter) -> FitParameter:
+    room, (least, most) = _FARTHER * (own.high - own.low), own.limits
+    return replace(own, low=max(own.low - room, least), high=min(own.high + room, most))
