@@ -22,6 +22,7 @@ from lightfield.diagnosis.search.progress import Progress
 from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, refutation
+from lightfield.diagnosis.verdict.found import unnamed
 from lightfield.diagnosis.verdict.found.scattered_too import (
     WithScattering,
     in_light_of_photons,
@@ -219,4 +220,4 @@ def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:
         also = with_scattering(prepared.problem, finding, inquiry.seed)
     if also is not None:
         finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])
-    return Outcome(known.now(prepared, finding), trust, also)
+    return Outcome(known.now(prepared, unnamed.in_errors(finding)), trust, also)

@@ -346,9 +346,10 @@ def headline(found: Bands) -> str:
         )
     far = [b for b in found.best if b.z_m == found.best[-1].z_m]
     signal = next(b for b in far if b.criterion == "signal")
+    wide = "" if found.width_nm == PAPER_BAND[1] - PAPER_BAND[0] else " (50 nm wide)"
     return (
-        f"In the scene's water 500 to 550 nm has {100 * signal.paper_share:.0f} % of the best signal of any "
-        f"band {found.width_nm:g} nm wide at {signal.z_m:g} m; the best is {signal.low_nm:g} to "
+        f"In the scene's water 500 to 550 nm{wide} has {100 * signal.paper_share:.0f} % of the best signal "
+        f"of any band {found.width_nm:g} nm wide at {signal.z_m:g} m; the best is {signal.low_nm:g} to "
         f"{signal.high_nm:g} nm."
     )
 

@@ -256,4 +256,4 @@ def test_scattering_at_a_boundary_gives_a_limit_and_no_finding() -> None:
     amounts = fit_constituents(stack, pure(clear.water)).amounts
     for name in ("chlorophyll_mg_per_m3", "sediment_g_per_m3"):
         assert not amounts[name].found and amounts[name].low_95 == 0 and amounts[name].high_95 > 0
-        assert amount_text(amounts[name]).startswith("not distinguished from none: < ")
+        assert amount_text(amounts[name]).startswith("none found: < ")

@@ -99,6 +99,15 @@ class Tried:
             if p.path in amplitudes and not p.is_held
         )
 
+    def reaching(self, values: Mapping[str, float], errors: Mapping[str, float]) -> Tried:
+        """The set as it stands, with errors that reach these values with theirs."""
+        wider = dict(self.errors)
+        for path in self.fit.paths:
+            if path in values:
+                reach = np.hypot(np.nan_to_num(errors[path]), values[path] - self.fit.values[path])
+                wider[path] = float(np.fmax(wider.get(path, 0.0), reach))
+        return replace(self, errors=wider)
+
     def accepted(self, alpha: float) -> bool:
         """Does it leave nothing unexplained?"""
         return self.adequacy is not None and self.adequacy.passes(alpha)

@@ -73,7 +73,7 @@ class WaterAndBeam(Record):
     absorption_per_m: float
     scattering_per_m: float
     attenuation_per_m: float = Field(description="K = a + b")
-    hwhm_deg: float
+    hwhm_deg: float = Field(description="where the beam is half as bright as where it is brightest")
 
 
 class FoundEffect(Record):

@@ -156,8 +156,12 @@ def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
 
 
 def stated_width_deg(lamp: Lamp) -> float:
-    """Half width of the beam at half maximum, degrees: the scene's, or that of its table of intensities."""
-    return math.degrees(half_width_rad(lamp)) if lamp.profile == "table" else lamp.hwhm_deg
+    """Half width of the beam where it is half as bright as where it is brightest, degrees.
+
+    That of its table, or of Gaussian, skirt and departure together, where it is more than the Gaussian alone.
+    """
+    more = lamp.profile == "table" or lamp.skirt_fraction or lamp.profile_departure
+    return math.degrees(half_width_rad(lamp)) if more else lamp.hwhm_deg
 
 
 @lru_cache(maxsize=256)

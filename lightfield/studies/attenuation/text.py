@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array, evenly, finite
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
-from lightfield.studies.attenuation.constituents import Amount, Constituents
+from lightfield.studies.attenuation.constituents import Amount
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Attenuation, Content, beer_lambert_is_off
 
@@ -161,25 +161,22 @@ def content_rows(found: Content) -> list[list[str]]:
         first = next(m.amounts[name] for m in models if name in m.amounts)
         cells = [amount_text(m.amounts[name]) if name in m.amounts else "–" for m in models]
         rows.append([f"{first.name} ({first.unit})", *cells])
-    rows.append(["chi-square / degrees of freedom", *map(_fit_text, models)])
+    rows.append(["chi² / dof", *(f"{m.chi2:.0f} / {m.dof} (p = {m.p:.2g})" for m in models)])
+    if any(m.rejected for m in models):
+        rows.append(["rejected", *(f"errors × {m.errors_times:.2g}" if m.rejected else "no" for m in models)])
     return rows
-
-
-def _fit_text(model: Constituents) -> str:
-    text = f"{model.chi2:.0f} / {model.dof} (p = {model.p:.2g})"
-    return text + f": rejected; errors times {model.errors_times:.2g}" * model.rejected
 
 
 def content_head(found: Content) -> tuple[str, ...]:
     """Heads of `content_rows`."""
-    models = ("scattered light traced", "… and grey scattering free", "plain Beer-Lambert, c = a + b")
+    models = ("scattered light traced", "… and grey scattering free", "plain Beer-Lambert")
     return ("", *(models if found.traced is not None else models[2:]))
 
 
 def amount_text(amount: Amount) -> str:
     """An amount with its 68 % interval; where 95 % reach to nothing, their upper end."""
     if not amount.found:
-        return f"not distinguished from none: < {amount.high_95:.2g}"
+        return f"none found: < {amount.high_95:.2g}"
     return f"{amount.value:.3g} ({amount.low_68:.3g} to {amount.high_68:.3g})"
 
 
@@ -244,14 +241,14 @@ def published_sentences(one: Apparent) -> list[str]:
 def _apparent_lines(one: Apparent) -> list[str]:
     r = one.ratios
     mean, error = one.mean()
-    colours = len(one.K_per_m)
+    colours, rows = len(one.K_per_m), table_rows(one)
     return [
-        f"{r.scene.detector.quantity}, {len(r.path_m)} places, {colours} wavelengths, against "
-        + ("readings in air" if r.reference == "air" else "the formula in lossless water"),
+        f"{r.scene.detector.quantity}, {len(r.path_m)} places, {colours} wavelength{'s' * (colours > 1)}, "
+        + ("against readings in air" if r.reference == "air" else "against the formula in lossless water"),
         headline(one),
         "  ".join(f"{head:>17}" for head in table_head(one)),
-        *("  ".join(f"{cell:>17}" for cell in row) for row in table_rows(one)),
-        *([f"({SHOWN} of {colours} are shown; --json writes all)"] if colours > SHOWN else []),
+        *("  ".join(f"{cell:>17}" for cell in row) for row in rows),
+        *([f"({len(rows)} of {colours} wavelengths are shown)"] if len(rows) < colours else []),
         f"mean of all wavelengths {mean:.4f} ± {error:.4f} per m; of each error up to "
         f"{one.shared_stderr.max():.4f} per m is common to all wavelengths",
         fit_sentence(one),

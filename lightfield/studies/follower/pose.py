@@ -127,7 +127,8 @@ class PoseEstimate:
         if not self.rivals:
             return line
         doubt = "ambiguous, " if self.ambiguous else ""
-        return f"{line}; {doubt}{len(self.rivals)} rivals, {self.rivals[0].as_text()}"
+        count = f"{len(self.rivals)} rival{'s' * (len(self.rivals) > 1)}"
+        return f"{line}; {doubt}{count}, {self.rivals[0].as_text()}"
 
 
 @dataclass(frozen=True)

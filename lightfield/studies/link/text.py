@@ -58,7 +58,7 @@ def rows(found: Link) -> list[list[str]]:
             name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far),
             reached(r.data_with_echoes_m, most=far), reached(r.data_formula_m, most=far),
             reached(docking.z_m, docking.stderr_m, docking.from_m, near),
-            reached(docking.formula_m, most=near),
+            reached(docking.formula_m, from_m=docking.formula_from_m, most=near),
             reached(r.seen_m, r.seen_stderr_m, most=far), reached(r.seen_formula_m, most=far),
         ])  # fmt: skip
     return table

@@ -45,7 +45,7 @@ class Reach:
         With scattered and reflected light; infinite where it still holds at the farthest distance asked.
     formula_m : float
         By direct light alone.
-    from_m : float
+    from_m, formula_from_m : float
         Where it begins to hold, if not at the nearest distance asked; else NaN.
     """
 
@@ -54,6 +54,7 @@ class Reach:
     stderr_m: float
     formula_m: float
     from_m: float = float("nan")
+    formula_from_m: float = float("nan")
 
 
 def docking_reach(scene: Scene, from_m: float, to_m: float, *, photons: float) -> Reach:
@@ -103,7 +104,9 @@ def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> R
     stderr = float("nan")
     if np.isfinite(far):
         stderr = float(np.interp(far, z, doubt) / np.abs(np.interp(far, z, np.gradient(over, z))))
-    return Reach(name, far, stderr, _stretch(z, formula)[1], near if near > z[0] else float("nan"))
+    formula_near, formula_far = _stretch(z, formula)
+    begins = (at if at > z[0] else float("nan") for at in (near, formula_near))
+    return Reach(name, far, stderr, formula_far, *begins)
 
 
 def _stretch(z: Array, over: Array) -> tuple[float, float]:

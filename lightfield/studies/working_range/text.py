@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -89,16 +88,21 @@ def rows(found: WorkingRange) -> list[list[str]]:
     """Rule, distance with its error, and that of the formula, as text."""
     words = rules(found)
     return [
-        [words[reach.name], distance(reach), distance_or_none(reach.formula_m)] for reach in found.reaches
+        [words[r.name], distance(r), _from(r.formula_from_m) + distance_or_none(r.formula_m)]
+        for r in found.reaches
     ]
 
 
 def distance(reach: Reach) -> str:
     """A distance with its error."""
-    if np.isfinite(reach.from_m):
-        return f"{reach.from_m:.2f} m to {distance(replace(reach, from_m=float('nan')))}"
     error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
-    return f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
+    far = f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
+    return _from(reach.from_m) + far
+
+
+def _from(near_m: float) -> str:
+    """Where it begins to hold, if not at once."""
+    return f"{near_m:.2f} m to " if np.isfinite(near_m) else ""
 
 
 def distance_or_none(value: float) -> str:
@@ -120,6 +124,7 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
                 "stderr_m": finite(r.stderr_m),
                 "formula_m": finite(r.formula_m),
                 "from_m": finite(r.from_m),
+                "formula_from_m": finite(r.formula_from_m),
                 "beyond_all_asked": bool(np.isinf(r.z_m)),
             }
             for r in found.reaches

@@ -50,6 +50,10 @@ def test_errors_of_a_fitted_lamp_are_no_effects_of_the_next_campaign(seed: int, 
         read(seed, background=0.01, aside_m=0.01), Scene.from_dict(SCENE), diffuse=None, advise=False
     )
     assert "beam_profile" in first.verdict.best_set
+    angle = np.linspace(0, 20, 20001)
+    bright = ring(angle)
+    half_width = angle[np.flatnonzero(bright >= bright.max() / 2)[-1]]  # 12.4, of the Gaussian below 11.8
+    assert all(abs(one.with_it.hwhm_deg / half_width - 1) < 0.01 for one in first.verdict.found)
     first.save(tmp_path)
     lamp = {"profile": "table", "intensity_table": str(tmp_path / "lamp.csv")}
     next_scene = Scene.from_dict({**SCENE, "lamp": lamp})

@@ -230,7 +230,7 @@ def test_a_rejected_fit_of_constituents_says_so_and_widens_its_intervals() -> No
     for a, b in ((mine.stderr, theirs.stderr), (mine.high_95, theirs.high_95), (mine.low_95, theirs.low_95)):
         assert b == pytest.approx(a, rel=0.2)
     words = as_text(small)
-    assert f"rejected; errors times {other.errors_times:.2g}" in words and "not to be trusted" in words
+    assert f"errors × {other.errors_times:.2g}" in words and "not to be trusted" in words
     assert "rejected" not in as_text(right) and "not to be trusted" not in as_text(right)
     data = json.loads(json.dumps(as_data(small)))["constituents"]["beer_lambert"]
     assert data["rejected"] is True and data["errors_times"] == other.errors_times

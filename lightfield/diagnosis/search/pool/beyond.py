@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.search.pool.nodes import Node, Pool, fitted_at
 from lightfield.fitting.parameter import FitParameter
 
 #: A range is drawn out by so many times its width, and what leaves it by less of chi-square than a gap that
@@ -20,14 +20,14 @@ from lightfield.fitting.parameter import FitParameter
 _FARTHER, _ASKED = 10.0, 6.0
 
 
-def at_an_end(node: Node) -> set[str]:
+def _at_an_end(node: Node) -> set[str]:
     """Amplitudes, by path, that lie at an end of what is plausible; one that is off lies at none."""
-    found = dict(zip(node.fit.paths, zip(node.fit.u, node.fit.at_bound(), strict=True), strict=True))
+    at = fitted_at(node)
     return {
         p.path
         for c in node.explanation
         for p, off in zip(c.amplitudes, c.neutral, strict=True)
-        if found[p.path][1] and found[p.path][0] != off
+        if p.path in node.bounded and at[p.path] != off
     }
 
 
@@ -46,7 +46,7 @@ def needless_beyond(pool: Pool, best: Node, gap: float) -> dict[str, tuple[str, 
     dict
         By the names of effects: which others would have to leave their ranges.
     """
-    ends = at_an_end(best)
+    ends = _at_an_end(best)
     if not ends or not pool.affordable(best.explanation):
         return {}
     wide = tuple(_drawn_out(c, ends) for c in best.explanation)

@@ -208,16 +208,14 @@ def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
 
     Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
     """
-    bounded = dict(zip(node.fit.paths, node.fit.at_bound(), strict=True))
     curves = [c.effect.contains for c in pool.problem.candidates if candidate.name in c.effect.contains]
     forms = [c for c in node.explanation if c is candidate or any(c.name in names for names in curves)]
-    return bounded.get(_WIDTH, False) or any(bounded[p.path] for c in forms for p in c.amplitudes)
+    return _WIDTH in node.bounded or any(p.path in node.bounded for c in forms for p in c.amplitudes)
 
 
 def _strained(node: Node) -> bool:
     """Does an amplitude of any effect lie at a bound? Then a set that misses something bends to follow it."""
-    bounded = dict(zip(node.fit.paths, node.fit.at_bound(), strict=True))
-    return any(bounded[p.path] for c in node.explanation for p in c.amplitudes)
+    return any(p.path in node.bounded for c in node.explanation for p in c.amplitudes)
 
 
 def _alternatives(

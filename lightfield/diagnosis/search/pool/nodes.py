@@ -94,6 +94,11 @@ class Node:
     def names(self) -> frozenset[str]:
         return frozenset(c.name for c in self.explanation)
 
+    @cached_property
+    def bounded(self) -> set[str]:
+        """Paths of what lies at an end of its range."""
+        return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
+
     @property
     def parameters(self) -> int:
         """Number of parameters of the effects."""

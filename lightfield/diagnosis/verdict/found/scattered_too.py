@@ -62,7 +62,7 @@ class WithScattering:
 
     def widened(self, best: Tried) -> Tried:
         """The set as it stands, with errors that reach what its values would be with scattering."""
-        return _reaching(best, self.fit.values, self.errors)
+        return best.reaching(self.fit.values, self.errors)
 
 
 def in_light_of_photons(problem: Problem, finding: Finding) -> Finding:
@@ -77,17 +77,8 @@ def in_light_of_photons(problem: Problem, finding: Finding) -> Finding:
         return finding
     assert isinstance(best.test.whiten, Whitener)
     found = in_uncertain_light(problem, best.explanation, best.test.whiten, best.fit.u)
-    wider = _reaching(best, found.fit.values, found.stderr(best.adequacy.phi))
+    wider = best.reaching(found.fit.values, found.stderr(best.adequacy.phi))
     return replace(finding, accepted=[wider, *finding.accepted[1:]])
-
-
-def _reaching(best: Tried, values: Mapping[str, float], errors: Mapping[str, float]) -> Tried:
-    """A set as it stands, with errors that reach these values with theirs."""
-    wider = dict(best.errors)
-    for path in best.fit.paths:
-        reach = np.hypot(errors[path], values[path] - best.fit.values[path])
-        wider[path] = float(np.fmax(wider.get(path, 0.0), reach))
-    return replace(best, errors=wider)
 
 
 def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScattering | None:

@@ -1,11 +1,14 @@
-"""Effects that are too small to be named, and what they would change: a warning beside the stated errors.
+"""Effects that are too small to be named, and what they would change: in the stated errors, and a warning.
 
 An effect that the readings ask for a little, less than its price, is not in the best set: a claim would be
 wrong too often. But the water and the beam that are fitted without it carry it, and their standard errors,
-those of the best set alone, do not know of it.
+those of the best set alone, do not know of it: they are made to reach what the values would be with it.
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -17,6 +20,7 @@ from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
+from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import is_gain
 
 #: Chance that any absent effect saves so much of chi-square that it is spoken of, were the readings without
@@ -43,8 +47,19 @@ def unnamed(finding: Finding, units: dict[str, str], also: WithScattering | None
     """
     first = [] if also is None else _hardly_told(also, finding, units)
     taken = None if also is None else also.candidate.name
-    others = [one for one in _absent(finding, units) if one.effect != taken]
+    others = [_told(one, units) for one in _absent(finding) if one.candidate.name != taken]
     return [*first, *others][:_TOLD]
+
+
+def in_errors(finding: Finding) -> Finding:
+    """The finding; errors of its best set reach what the values would be with each effect that is too small
+    to be named."""
+    if finding.best is None:
+        return finding
+    best = finding.best
+    for one in _absent(finding):
+        best = best.reaching({path: one.values[path] for path in one.changed}, one.errors)
+    return replace(finding, accepted=[best, *finding.accepted[1:]])
 
 
 def _hardly_told(also: WithScattering, finding: Finding, units: dict[str, str]) -> list[Unnamed]:
@@ -62,7 +77,41 @@ def _hardly_told(also: WithScattering, finding: Finding, units: dict[str, str]) 
     return [Unnamed(effect=name, sigma=sigma, with_it=with_it, in_errors=True)] if wide else []
 
 
-def _absent(finding: Finding, units: dict[str, str]) -> list[Unnamed]:
+@dataclass(frozen=True)
+class _Absent:
+    """An effect that is not in the best set for its price alone.
+
+    Parameters
+    ----------
+    sigma : float
+        By how much the readings ask for it.
+    changed : tuple of str
+        Water, beam and effects that would be other ones by more than their stated errors.
+    values, errors : mapping
+        Of the best set with it, by path.
+    """
+
+    candidate: Candidate
+    sigma: float
+    changed: tuple[str, ...]
+    values: Mapping[str, float]
+    errors: Mapping[str, float]
+
+
+def _told(one: _Absent, units: dict[str, str]) -> Unnamed:
+    with_it = {
+        path: Estimate(
+            value=one.values[path],
+            stderr=one.errors[path] if np.isfinite(one.errors[path]) else None,
+            unit=units.get(path, "reading"),
+        )
+        for path in one.changed
+    }
+    return Unnamed(effect=one.candidate.name, sigma=one.sigma, with_it=with_it, in_errors=True)
+
+
+def _absent(finding: Finding) -> list[_Absent]:
+    """Those that change something, first what the readings ask for most."""
     many, best = finding.many, finding.best
     if many is None or best is None or many.pool.problem.layout.size > MANY:
         return []
@@ -74,8 +123,9 @@ def _absent(finding: Finding, units: dict[str, str]) -> list[Unnamed]:
     out = []
     for other, candidate in _with_one_more(pool, node, weighing.phi):
         saved = (node.fit.chi2 - other.fit.chi2) / weighing.phi
-        if saved > _asked(pool, candidate) and (changed := _changed(node, other, weighing.phi, units)):
-            out.append(Unnamed(effect=candidate.name, sigma=float(np.sqrt(saved)), with_it=changed))
+        if saved > _asked(pool, candidate) and (changed := _changed(node.fit, other.fit, weighing.phi)):
+            errors = other.fit.stderr(weighing.phi)
+            out.append(_Absent(candidate, float(np.sqrt(saved)), changed, other.fit.values, errors))
     return sorted(out, key=lambda one: -one.sigma)
 
 
@@ -101,16 +151,11 @@ def _with_one_more(pool: Pool, node: Node, phi: float) -> list[tuple[Node, Candi
     return list(chosen.values())
 
 
-def _changed(node: Node, other: Node, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
-    """Water, beam and effects that would be other ones by more than their stated errors."""
-    stated, wider = node.fit.stderr(phi), other.fit.stderr(phi)
-    before, after = node.fit.values, other.fit.values
-    return {
-        path: Estimate(
-            value=after[path],
-            stderr=wider[path] if np.isfinite(wider[path]) else None,
-            unit=units.get(path, "reading"),
-        )
-        for path in node.fit.paths
+def _changed(fit: Fit, other: Fit, phi: float) -> tuple[str, ...]:
+    """What would be another value by more than its stated errors."""
+    stated, before, after = fit.stderr(phi), fit.values, other.values
+    return tuple(
+        path
+        for path in fit.paths
         if not is_gain(path) and abs(after[path] - before[path]) > CHANGED * stated[path]
-    }
+    )

@@ -9,6 +9,8 @@ from lightfield.diagnosis.verdict.speech import capital, exactly, join, plain, r
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of.
 _SPOKEN = 50.0
+#: Every water has some.
+_SCATTERING = "scattering"
 #: What may replace an effect, of which so many are told.
 _TOLD = 3
 
@@ -93,21 +95,16 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
     """
     out = []
     for one in told:
-        if one.in_errors:
+        if one.effect == _SCATTERING:
             there = ", ".join(f"{path} = {roughly(e)}" for path, e in one.with_it.items())
-            out.append(
-                f"{plain(one.effect)} is hardly told from what was found here, and every water has some: "
-                f"with it {there}; the stated errors reach there"
+            why = "is hardly told from what was found here, and every water has some: with it"
+        else:
+            there = ", ".join(
+                f"{path} would be {roughly(e)} instead of {values[path].value:.3g}"
+                for path, e in one.with_it.items()
+                if path in values
             )
-            continue
-        changes = [
-            f"{path} from {values[path].value:.3g} to {roughly(e)}"
-            for path, e in one.with_it.items()
-            if path in values
-        ]
-        if changes:
-            out.append(
-                f"{plain(one.effect)} is too small to be named ({one.sigma:.1f} sigma), but if it is there "
-                f"it changes {', '.join(changes)}: more than the stated errors say"
-            )
+            why = f"is too small to be named ({one.sigma:.1f} sigma); if it is there,"
+        if there:
+            out.append(f"{plain(one.effect)} {why} {there}; the stated errors reach there")
     return out

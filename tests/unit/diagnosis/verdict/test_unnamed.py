@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,6 +44,15 @@ def finding(size: float) -> tuple[Toy, SimpleNamespace]:
     )
 
 
+@dataclass(frozen=True)
+class Finding:
+    """As much of a finding as is asked for."""
+
+    many: SimpleNamespace
+    best: Tried
+    accepted: Sequence[Tried] = ()
+
+
 def sigma_of(made: Toy, size: float) -> float:
     """By how much the readings are missed without "lean", by regression."""
     problem = made.with_value(made.base + made.problem.forward.predict({"toy.odd": 4.0, "toy.lean": size}))
@@ -63,7 +74,19 @@ def test_what_a_small_effect_would_change_is_told() -> None:
     assert abs(before - 0.1) > 2 * stderr, "the stated error does not hold the truth"
     said = unnamed_sentences([one], {"slope": Estimate(value=before, stderr=stderr, unit="1/m")})
     assert said[0].startswith("lean is too small to be named (2.8 sigma)")
-    assert f"slope from {before:.3g} to {with_it.value:.3g} ±" in said[0]
+    assert f"slope would be {with_it.value:.3g} ±" in said[0] and f"instead of {before:.3g};" in said[0]
+
+
+def test_the_errors_of_the_best_set_reach_what_a_small_effect_would_change() -> None:
+    """The truth is the slope with it: many of the fit's own errors away, and within the stated one."""
+    made, _ = finding(1.0)
+    made, found = finding(SIZE / sigma_of(made, 1.0))
+    node = found.many.best
+    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0))
+    (wide,) = unnamed.in_errors(Finding(found.many, best)).accepted
+    own, apart = node.fit.stderr(1.0)["slope"], abs(node.fit.values["slope"] - 0.1)
+    assert apart > 2 * own
+    assert apart < wide.errors["slope"] < 3 * apart
 
 
 @pytest.mark.parametrize("sigma", [0.0, 1.5])
