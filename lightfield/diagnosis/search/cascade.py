@@ -8,8 +8,8 @@ and one that is right but for a fraction of a per cent is not rejected for it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -84,6 +84,8 @@ class Finding:
         There was an answer, but for readings that no effect reaches.
     many : Many, optional
         The best set of any number of effects, and how sure each of them is.
+    base_errors : mapping
+        Standard errors by path of the base model, where it is the answer.
     """
 
     size: int | None
@@ -96,6 +98,7 @@ class Finding:
     withheld: bool = False
     in_part: bool = False
     many: Many | None = None
+    base_errors: Mapping[str, float] = field(default_factory=dict)
 
     def without_answer(self, in_no_part: bool = True) -> Finding:
         """The same, where no answer can rest on the readings; nor what explains a part (`in_no_part`)."""

@@ -82,6 +82,8 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
 
     def values(step: Step) -> dict[str, Estimate]:
         # The last rung is the best explanation: its errors are stated once, not in two ways.
+        if best is None and not step.explanation:
+            return estimates(step.fit, scale, units, finding.base_errors)
         if best is None or {c.key for c in step.explanation} != {c.key for c in best.explanation}:
             return estimates(step.fit, scale, units)
         assert best.adequacy is not None
@@ -302,6 +304,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         (p.path for p in problem.base),
         untestable,
         lambda fit, least: estimates(fit, phi, units, least),
+        best.errors if best is not None else finding.base_errors,
     )
     budget, of_best = prepared.noise.budget, _of_best(finding, phi, units)
     small = unnamed.unnamed(finding, units, found.also) if advise else []

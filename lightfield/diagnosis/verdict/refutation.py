@@ -212,12 +212,20 @@ def _moved(
     }  # fmt: skip
 
 
+def _no_surer(told: Mapping[str, Estimate], least: Mapping[str, float]) -> dict[str, Estimate]:
+    return {
+        path: one.model_copy(update={"stderr": one.stderr and max(one.stderr, least.get(path, 0.0))})
+        for path, one in told.items()
+    }
+
+
 def stated_effects(
     scene: Scene,
     judged: Iterable[Judged],
     free: Iterable[str],
     untestable: Untestable,
     estimate: Callable[[Fit, Mapping[str, float]], Mapping[str, Estimate]],
+    of_answer: Mapping[str, float],
 ) -> list[StatedEffect]:
     """Every effect that the scene has: first those that were tested, then what is held as stated.
 
@@ -227,12 +235,15 @@ def stated_effects(
         Paths that the base model fits.
     estimate : callable
         Values of a fit with their errors, which are given the smallest they may be.
+    of_answer : mapping
+        Errors of the answer by path: with an effect free too none is smaller.
     """
     known = scene.parameters()
     out = []
     for one in judged:
         moved = [p.path for p in one.candidate.parameters if p.path in one.free.paths]
         values = estimate(one.free, one.errors)
+        told = {} if one.held is None else _moved(estimate(one.held, one.errors), values, moved)
         out.append(
             StatedEffect(
                 effect=one.candidate.name,
@@ -243,7 +254,7 @@ def stated_effects(
                 limit=one.limit,
                 sigma_from_stated=one.sigma_from_stated,
                 sigma_to_remove=one.sigma_to_remove,
-                if_free={} if one.held is None else _moved(estimate(one.held, one.errors), values, moved),
+                if_free=_no_surer(told, of_answer),
             )
         )
     tested = {path for entry in out for path in entry.stated} | set(free)

@@ -1,6 +1,7 @@
-"""Equivalences that no linearisation finds: effects that act only together, and then like another one.
+"""What no linearisation finds: effects that act only together, and then like another one.
 
-Each line of the table has a closed form from which the fit begins.
+Each equivalence has a closed form from which the fit begins; what shows only beside another effect begins
+from typical sizes.
 """
 
 from __future__ import annotations
@@ -64,6 +65,32 @@ def _turned_receiver(values: Mapping[str, float]) -> list[dict[str, float]]:
 
 #: One line for every product of effects that imitates one more.
 TABLE = (Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_receiver),)
+
+#: Effects that show only beside another one, which hides them by its own size while they are small: waves
+#: dim what a surface mirrors, and at small slopes a surface that mirrors less is all that is seen of them.
+BESIDE = {"waves": "surface_reflection"}
+#: Such a fit begins at so many typical sizes. Chosen.
+_SIZES = (1.0, 3.0)
+
+
+def try_beside(pool: Pool, node: Node, candidate: Candidate) -> None:
+    """Fit a set without one of its effects, with what shows only beside another one that it holds."""
+    rest = tuple(c for c in node.explanation if c is not candidate)
+    have = {c.name for c in node.explanation}
+    for new in pool.problem.candidates:
+        whole = (*rest, new)
+        shows = BESIDE.get(new.name) in {c.name for c in rest} and new.name not in have
+        if not (shows and all(new.effect.combines_with(c.effect) for c in rest) and pool.affordable(whole)):
+            continue
+        known = fitted_at(node)
+        sizes = [
+            {
+                p.path: float(np.clip(p.start + size * typical, p.low, p.high))
+                for p, typical in zip(new.amplitudes, new.typical, strict=True)
+            }
+            for size in _SIZES
+        ]
+        pool.fit(whole, [Begin(known | start) for start in sizes])
 
 
 def try_declared(pool: Pool, node: Node, candidate: Candidate) -> None:

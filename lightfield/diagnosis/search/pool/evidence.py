@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.search.pool.planes import water_may_do_it
+from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
 Level = Literal["certain", "simplest", "one of", "partial"]
 
@@ -83,8 +84,9 @@ class Evidence:
         gap, named, plus = min(self.gap, above), min(self.gap_named, above), min(self.gap_plus, unpriced)
         instead = tuple(sorted(rival.names - weighing.best.names))
         near = above <= FAMILY and instead not in self.alternatives
+        level = _weaker(self.level, _claim(gap, named, plus))
         return replace(
-            self, level=_claim(gap, named, plus), gap=gap, gap_named=named, gap_plus=plus,
+            self, level=level, gap=gap, gap_named=named, gap_plus=plus,
             rival=rival if above < self.gap else self.rival,
             alternatives=(*self.alternatives, instead) if near else self.alternatives,
         )  # fmt: skip
@@ -170,8 +172,11 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
         part = min(gap, gap_named) > PARTIAL * left and not _strained(best)
         level = "partial" if part else "one of"
-    else:
-        level = "one of" if beyond or _at_edge(pool, best, candidate) else _claim(gap, gap_named, gap_plus)
+    elif beyond or _at_edge(pool, best, candidate):
+        level = "one of"
+    else:  # two forms of a beam are terms of any shape: its curve, with more functions, does as well
+        of_shape = len(_forms(pool, best, candidate, (BEAM_PROFILE,))) > 1
+        level = _weaker(_claim(gap, gap_named, gap_plus), "simplest" if of_shape else "certain")
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
         _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name), beyond,
@@ -185,6 +190,11 @@ def _claim(gap: float, gap_named: float, gap_plus: float) -> Level:
     if gap_plus > PLUS_GAP:
         return "certain"
     return "simplest" if gap_plus > -PLUS_GAP else "one of"
+
+
+def _weaker(one: Level, other: Level) -> Level:
+    """The less sure of two levels."""
+    return max(one, other, key=("certain", "simplest", "one of", "partial").index)
 
 
 def contained(name: str, node: Node) -> bool:
@@ -208,9 +218,21 @@ def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
 
     Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
     """
-    curves = [c.effect.contains for c in pool.problem.candidates if candidate.name in c.effect.contains]
-    forms = [c for c in node.explanation if c is candidate or any(c.name in names for names in curves)]
+    forms = _forms(pool, node, candidate)
     return _WIDTH in node.bounded or any(p.path in node.bounded for c in forms for p in c.amplitudes)
+
+
+def _forms(
+    pool: Pool, node: Node, candidate: Candidate, curves: tuple[str, ...] | None = None
+) -> list[Candidate]:
+    """An effect, and others of its set that are special cases of the same curve, of some curves or any."""
+    alike = {
+        name
+        for c in pool.problem.candidates
+        if candidate.name in c.effect.contains and (curves is None or c.name in curves)
+        for name in c.effect.contains
+    }
+    return [c for c in node.explanation if c is candidate or c.name in alike]
 
 
 def _strained(node: Node) -> bool:

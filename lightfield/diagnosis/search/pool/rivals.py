@@ -7,7 +7,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.equivalences import try_declared
+from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
+from lightfield.diagnosis.search.pool.equivalences import try_beside, try_declared
 from lightfield.diagnosis.search.pool.moves import fit_additions, forward, polish
 from lightfield.diagnosis.search.pool.nodes import Allowed, Node, Pool, begin_at, joins, with_effect
 
@@ -48,6 +49,8 @@ def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
             if pool.affordable(whole):
                 pool.fit(whole, [begin])
     try_declared(pool, best, candidate)
+    try_beside(pool, best, candidate)
+    try_curves(pool, best, candidate)
     if _far(pool, best, without) < _NEAR:
         polish(pool, without, _ROUNDS, _SWAPS, _REACH)
 

@@ -18,6 +18,7 @@ from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.verdict.found.averaged import largest, with_an_effect_more, with_others
 from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
 from lightfield.fitting.least_squares import Fit
@@ -53,10 +54,13 @@ def unnamed(finding: Finding, units: dict[str, str], also: WithScattering | None
 
 def in_errors(finding: Finding) -> Finding:
     """The finding; errors of its best set reach what the values would be with each effect that is too small
-    to be named."""
-    if finding.best is None:
-        return finding
-    best = finding.best
+    to be named, and are averaged over effects that are smaller still, and over other accepted sets."""
+    best, level = finding.best, finding.level
+    if best is None or best.adequacy is None:
+        return replace(finding, base_errors=with_an_effect_more((), level.base, level.adequacy))
+    wider = with_an_effect_more(best.explanation, best.fit, best.adequacy)
+    best = replace(best, errors=largest(best.errors, wider))
+    best = with_others([best, *finding.accepted[1:]])
     for one in _absent(finding):
         best = best.reaching({path: one.values[path] for path in one.changed}, one.errors)
     return replace(finding, accepted=[best, *finding.accepted[1:]])

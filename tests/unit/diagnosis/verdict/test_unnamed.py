@@ -51,6 +51,7 @@ class Finding:
     many: SimpleNamespace
     best: Tried
     accepted: Sequence[Tried] = ()
+    level: None = None
 
 
 def sigma_of(made: Toy, size: float) -> float:
@@ -82,7 +83,7 @@ def test_the_errors_of_the_best_set_reach_what_a_small_effect_would_change() -> 
     made, _ = finding(1.0)
     made, found = finding(SIZE / sigma_of(made, 1.0))
     node = found.many.best
-    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0))
+    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
     (wide,) = unnamed.in_errors(Finding(found.many, best)).accepted
     own, apart = node.fit.stderr(1.0)["slope"], abs(node.fit.values["slope"] - 0.1)
     assert apart > 2 * own
@@ -136,7 +137,7 @@ def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
 def test_scattering_that_changes_no_error_is_not_spoken_of() -> None:
     _, found = finding(0.0)
     node = found.many.best
-    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0))
+    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
     also = WithScattering(candidate("scattering"), node.fit, node.fit.stderr(), saved=0.0)
     there = SimpleNamespace(many=found.many, best=also.widened(best))
     assert unnamed.unnamed(there, {}, also) == []

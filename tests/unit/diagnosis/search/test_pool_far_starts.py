@@ -1,0 +1,108 @@
+"""Fits that no slope leads to: a lamp's curve in place of its forms, what shows only beside others."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from toy_pool import more_waves, pool_of
+from toy_problem import Toy, candidate, curve, layout
+
+from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
+from lightfield.diagnosis.search.pool.equivalences import try_beside
+from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.nodes import Pool
+from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.fitting import effects
+from lightfield.fitting.forward import SceneForward
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 9.0},
+        "water": {"absorption_per_m": 0.1},
+        "detector": {"planes_m": [1.5, 2.5, 3.5, 4.5]},
+    }
+)
+
+
+def soft_flood() -> Readings:
+    """A lamp with an even middle and a soft edge at 8 degrees, on a faint skirt; formulas of their own."""
+    rng = np.random.default_rng(4)
+    places = [(x, z) for z in (1.5, 2.5, 3.5, 4.5) for x in np.linspace(-1, 1, 21)]
+    x, z = np.array(places)[rng.permutation(84)].T
+    far = np.hypot(x, z)
+    angle = np.degrees(np.arctan2(np.abs(x), z))
+    beam = 1 / (1 + np.exp((angle - 8) / 1.5)) + 0.02 * np.exp(-((angle / 25) ** 2))
+    value = beam * z / far**3 * np.exp(-0.1 * far)
+    value = value / value.max()
+    sigma = np.hypot(0.005 * value, 1e-4)
+    return Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=value + sigma * rng.normal(size=84), stderr=sigma, scale="relative"
+    )
+
+
+def test_a_lamps_curve_is_fitted_from_the_forms_that_stand_for_it() -> None:
+    """In one fit, where the beam without them is a Gaussian that misses the readings by hundreds of sigma."""
+    readings = soft_flood()
+    forward = SceneForward(SCENE, readings)
+    problem, _ = problem_of(forward, readings, [*effects.table().values(), *effects.curves().values()], None)
+    problem = problem.with_curves()
+    by = {(c.name, c.form.name): c for c in problem.candidates}
+    shape, skirt = by["beam_shape", "super-Gaussian"], by["beam_skirt", "second Gaussian"]
+    whiten = lambda a: a / (readings.stderr if a.ndim == 1 else readings.stderr[:, None])  # noqa: E731
+    test = SimpleNamespace(problem=problem, whiten=whiten)
+    pool = Pool(SimpleNamespace(problem=problem, test=test, phi=1.0, price=lambda c: 10.0))
+    plain = pool.finished(pool.fit((), [Begin({})]))
+    forms = pool.finished(pool.fit((shape, skirt), [Begin({})]))
+    assert plain.fit.chi2 > 10 * forms.fit.chi2
+    try_curves(pool, forms, shape)
+    best = min((n for n in pool.nodes.values() if "beam_profile" in n.names), key=lambda n: n.fit.chi2)
+    assert best.fit.chi2 < forms.fit.chi2
+    assert best.fit.chi2 < 84 + 4 * np.sqrt(2 * 84)
+    assert (
+        abs(best.fit.values["water.absorption_per_m"] - 0.1) < 3 * best.fit.stderr()["water.absorption_per_m"]
+    )
+
+
+def of_two_names() -> Toy:
+    """A curve "beam_profile" that contains "round" and "oval", and cannot follow them to the end."""
+    lay = layout()
+    columns = more_waves(lay)
+    columns |= {"round": np.cos(2 * lay.x_m) * (lay.z_m - 5.5), "oval": np.cos(6 * lay.x_m) * (lay.z_m - 6)}
+    terms = {f"beam_profile{k}": np.cos((k + 9) * lay.x_m) * lay.x_m**2 for k in range(2)}
+    candidates = [candidate(name) for name in columns] + curve("beam_profile", (2,), ("round", "oval"))
+    return Toy.of(candidates, columns | terms, lay)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "level"), [({"round": 40.0}, "certain"), ({"round": 40.0, "oval": 40.0}, "simplest")]
+)
+def test_two_forms_of_a_beam_are_no_more_than_the_simplest(hidden: dict[str, float], level: str) -> None:
+    """One alone is a beam of that form; two are the first terms of a lamp's own."""
+    made = of_two_names()
+    problem = made.drawn(np.random.default_rng(0), **hidden)
+    pool = pool_of(made, problem)
+    best = pool.fit([c for c in problem.candidates if c.name in hidden], [Begin({})])
+    for one in evidence(pool, best, adequate=True):
+        assert (one.level, one.gap > 30) == (level, True)
+
+
+def test_waves_are_tried_beside_a_surface_and_nowhere_else() -> None:
+    """From typical sizes, in place of another effect of the set."""
+    lay = layout()
+    columns = more_waves(lay)
+    names = ["surface_reflection", "waves", "odd"]
+    every = {name: columns[key] for name, key in zip(names, ("fan", "late", "odd"), strict=True)}
+    made = Toy.of([candidate(name) for name in every], every, lay)
+    problem = made.drawn(np.random.default_rng(0), surface_reflection=20.0, odd=20.0)
+    by = {c.name: c for c in problem.candidates}
+    pool = pool_of(made, problem)
+    both = pool.fit((by["surface_reflection"], by["odd"]), [Begin({})])
+    try_beside(pool, both, by["surface_reflection"])
+    assert not any("waves" in node.names for node in pool.nodes.values())
+    try_beside(pool, both, by["odd"])
+    assert frozenset({by["surface_reflection"].key, by["waves"].key}) in pool.nodes

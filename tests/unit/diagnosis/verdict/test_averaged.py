@@ -1,0 +1,106 @@
+"""Errors averaged over models: against a posterior summed on a grid, and readings by other formulas."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from toy_problem import Toy, candidate, layout, waves
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.verdict.found import averaged
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.studies.compare.readings import fit_readings
+
+TYPICAL = 3.0
+
+
+def toy(lean: float, seed: int) -> tuple[Toy, Tried]:
+    """Readings of the base model and some of an effect that is like its slope; a fit without that effect."""
+    lay = layout()
+    bell = np.exp(-2 * lay.x_m**2)
+    like_slope = bell * (lay.z_m - lay.z_m.mean()) / (0.01 * bell + 0.001) / 20
+    found = {"odd": waves(lay)["odd"], "lean": like_slope + 0.3 * np.cos(5 * lay.x_m + lay.z_m)}
+    made = Toy.of([candidate(name) for name in found], found)
+    rng = np.random.default_rng(seed)
+    readings = made.base + made.problem.forward.predict({"toy.lean": lean}) + made.sigma * rng.normal(size=60)
+    typical = tuple(replace(c, typical=(TYPICAL,)) for c in made.problem.candidates)
+    problem = replace(made.with_value(readings), candidates=typical)
+    test = made.test(problem, rng.standard_normal((60, 99)))
+    fit = problem.fit((), test.whiten, [problem.model(()).start])
+    return made, Tried((), fit, 0.0, replace(test(fit), phi=1.0), test)
+
+
+def on_a_grid(made: Toy, tried: Tried, name: str) -> float:
+    """Root of the mean square of slope - stated slope, by sums over level, slope and size of the effect."""
+    problem, fit = tried.test.problem, tried.fit
+    columns = {path: column / made.sigma for path, column in problem.forward.columns.items()}
+    base = np.stack([columns[path] for path in fit.paths], axis=1)
+    effect, value = columns[f"toy.{name}"], problem.value / made.sigma
+    at = fit.paths.index("slope")
+    square = np.linalg.inv(base.T @ base)
+
+    def of_size(size: float) -> tuple[float, float]:
+        """Chi-square, and the mean square of the slope about the stated one, with a given size."""
+        u = square @ base.T @ (value - size * effect)
+        left = value - size * effect - base @ u
+        return float(left @ left), float(square[at, at] + (u[at] - fit.values["slope"]) ** 2)
+
+    spread = averaged._SPREAD * TYPICAL
+    sizes = np.linspace(-8 * spread, 8 * spread, 8001)
+    chi2, squares = np.array([of_size(s) for s in sizes]).T
+    without, alone = of_size(0.0)
+    density = np.exp(-0.5 * (sizes / spread) ** 2 - 0.5 * (chi2 - without)) / np.sqrt(2 * np.pi) / spread
+    step = sizes[1] - sizes[0]
+    weight, moment = averaged._ODDS * density.sum() * step, averaged._ODDS * (density * squares).sum() * step
+    return float(np.sqrt((alone + moment) / (1 + weight)))
+
+
+@pytest.mark.parametrize("lean", [0.0, 1.0, 3.0, 8.0])
+def test_an_effect_more_widens_errors_as_its_posterior_says(lean: float) -> None:
+    made, tried = toy(lean, 3)
+    wide = averaged.with_an_effect_more((), tried.fit, tried.adequacy)
+    expected = max(on_a_grid(made, tried, name) for name in ("odd", "lean"))
+    assert wide["slope"] == pytest.approx(max(expected, tried.fit.stderr()["slope"]), rel=0.02)
+
+
+SCENE = {
+    "lamp": {"hwhm_deg": 9.5},
+    "water": {"absorption_per_m": 0.13},
+    "detector": {"planes_m": [1.5, 2.5, 3.5, 4.5, 5.5]},
+}
+
+
+def campaign(seed: int, lamp_per_hour: float, water_per_hour: float) -> Readings:
+    """By formulas of their own: a lamp of 9 degrees in water of 0.12 per metre, both of which drift."""
+    rng = np.random.default_rng(seed)
+    places = [(x, z) for z in SCENE["detector"]["planes_m"] for x in np.linspace(-0.9, 0.9, 13)]
+    x, z = np.array(places)[rng.permutation(len(places))].T
+    hour = np.arange(len(x)) / 40
+    far = np.hypot(x, z)
+    value = np.exp(-np.log(2) * (np.degrees(np.arctan2(np.abs(x), z)) / 9.0) ** 2) * z / far**3
+    value = value * np.exp(-0.12 * (1 + water_per_hour * hour) * far) * (1 + lamp_per_hour * hour)
+    value = value / value.max()
+    sigma = np.hypot(0.006 * value, 3e-4)
+    value = value + sigma * rng.standard_normal(len(value))
+    return Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=value, stderr=sigma, time_s=3600 * hour, scale="relative"
+    )
+
+
+def test_absorption_beside_a_drift_that_is_too_small_to_be_named() -> None:
+    """Twelve campaigns: the errors of the fit with the drift that is named hold the absorption in half."""
+    off, own = [], []
+    for seed in range(12):
+        table, scene = campaign(seed, 0.03 * (-1) ** seed, 0.02), Scene.from_dict(SCENE)
+        verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+        assert verdict.best_set == ["lamp_drift"]
+        found = verdict.ladder[-1].parameters["water.absorption_per_m"]
+        fitted = fit_readings(table, scene, ["lamp_drift"]).estimates["water.absorption_per_m"]
+        off.append(abs(found.value - 0.12) / found.stderr)
+        own.append(abs(fitted.value - 0.12) / fitted.stderr)
+    assert np.sum(np.array(own) < 3) <= 6
+    assert np.sum(np.array(off) < 3) == 12 and np.sum(np.array(off) < 2) >= 8
