@@ -1,4 +1,4 @@
-"""Light of a scene at places, mean over its band: direct, scattered and reflected, with errors."""
+"""Light of a scene at places, mean over its band as it is read: direct and diffuse, with errors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene
-from lightfield.scene.bands import over_band
+from lightfield.scene.bands import over_first_band
 from lightfield.scene.water.coefficients import scattering_per_m
 
 Places = tuple[Array, Array, Array]
@@ -22,6 +22,10 @@ Places = tuple[Array, Array, Array]
 FARTHEST_M = 1000.0
 #: Of the lamp's light: less cannot be squared, and is told from nothing by no detector.
 LEAST_LEFT = 1e-100
+
+
+#: Parts of the band: 3 nm in one of 60 nm, so that a narrow filter over the steep rise of water is right.
+PARTS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +72,9 @@ def diffuse_response_at(
 
 
 def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSource | None) -> LightAt:
-    """Light at places, mean over the scene's first band with the lamp's spectrum as weight.
+    """Light at places, mean over the scene's first band as the detector reads it.
+
+    The lamp's spectrum times the detector's response is the weight; the band is shifted as its wavelengths.
 
     Parameters
     ----------
@@ -76,7 +82,7 @@ def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSou
     trace : callable, optional
         None: direct light alone.
     """
-    at, power = over_band(scene.lamp, *scene.detector.bands_nm[0])
+    at, power = over_first_band(scene, PARTS)
     share = power / power.sum() if power.sum() > 0 else np.full(len(power), 1.0 / len(power))
     places = (x_m, y_m, z_m)
     direct = sum(

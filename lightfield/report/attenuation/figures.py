@@ -18,7 +18,6 @@ from lightfield.report.style import (
     panels,
     plain_log_axis,
 )
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Content
@@ -117,7 +116,8 @@ def hidden_figure(one: Apparent, found: Scattered, content: Content | None, narr
         left.plot(colour, one.K_per_m, color=DATA, marker="o", markersize=3, label="K, as measured")
         if content is not None and content.traced is not None:
             water = content.traced.water
-            a, b = absorption_per_m(water, colour), scattering_per_m(water, colour)
+            seen = one.ratios.seen
+            a, b = ((seen.share * v).sum(axis=1) for v in seen.coefficients(water))
             left.plot(colour, a, color=RENDER, label="a of the best constituents")
             left.plot(colour, a + b, color=FORMULA, linestyle=(0, (5, 2)), label="c = a + b")
             left.fill_between(colour, a, a + b, color=FORMULA, alpha=0.08, linewidth=0)

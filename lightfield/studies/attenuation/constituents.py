@@ -2,8 +2,9 @@
 
     y = alpha(lambda) - (a + b) s + excess(a, b) + errors,    a, b = pure water + constituents
 
-All colours are fitted together; gains and errors of stays are free. The same with excess = 0 is Beer-Lambert
-with c = a + b, which takes every scattered photon for lost. It can fit as well and be wrong all the same.
+and its mean over the band where a colour stands for one (`seen`). All colours are fitted together; gains and
+errors of stays are free. The same with excess = 0 is Beer-Lambert with c = a + b, which takes every scattered
+photon for lost. It can fit as well and be wrong all the same.
 Where a model does not fit, its intervals are those of errors larger by `common_errors.misfit_factor`.
 """
 
@@ -17,7 +18,6 @@ from scipy import stats
 from scipy.optimize import brentq, least_squares
 
 from lightfield.arrays import Array
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.scene.water.water import Water
 from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_factor
 from lightfield.studies.attenuation.scattered import Stack
@@ -163,12 +163,11 @@ def _left(
 ) -> tuple[Design, Callable[[Array], Array]]:
     """What amounts leave of the readings, in their errors."""
     design = Design(stack.sigma, stack.alphas, *stack.shared(traced=scattered))
-    y, s, colours = stack.y, stack.path_m[:, None], stack.tables[0].wavelength_nm
+    y = stack.y
 
     def left(u: Array) -> Array:
-        a, b = _coefficients(base, dict(zip(names, u, strict=True)), colours)
-        light = stack.light(a, b) if scattered else 0.0
-        return design.whitened(y + (a + b) * s - light)
+        water = _holding(base, dict(zip(names, u, strict=True)))
+        return design.whitened(y - stack.of_water(water, scattered))
 
     return design, left
 
@@ -179,9 +178,8 @@ def _limits(names: dict[str, tuple[str, str, float, float, float]]) -> tuple[Arr
     return start, scale, most
 
 
-def _coefficients(base: Water, amounts: dict[str, float], colours: Array) -> tuple[Array, Array]:
-    water = base.model_copy(update={name: max(float(v), 0.0) for name, v in amounts.items()})
-    return absorption_per_m(water, colours), scattering_per_m(water, colours)
+def _holding(base: Water, amounts: dict[str, float]) -> Water:
+    return base.model_copy(update={name: max(float(v), 0.0) for name, v in amounts.items()})
 
 
 def _fit(

@@ -21,10 +21,11 @@ from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
 from lightfield.formula.closed_form import direct_field, time_factor
 from lightfield.readings import Readings
-from lightfield.scene import Scene
+from lightfield.scene import Scene, Water
 from lightfield.scene.acts import ATTENUATION, Acts
 from lightfield.scene.all_parameters import without
 from lightfield.studies.attenuation.remark import Remark, Studied
+from lightfield.studies.attenuation.seen import Seen, seen_by
 
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
@@ -58,6 +59,8 @@ class Ratios:
         delta, already subtracted from y: what window and geometry make of a lamp in lossless water over air.
     reference : "air" or "formula"
         What the readings in water are divided by.
+    seen : Seen
+        Wavelengths that stand for each colour: itself, or those of its band.
     notes : tuple of Remark
         What was assumed or left out.
     published : tuple of (low_nm, high_nm, K in 1/m)
@@ -76,6 +79,7 @@ class Ratios:
     stderr: Array
     geometry: Array
     reference: str
+    seen: Seen
     notes: tuple[Remark, ...] = ()
     published: tuple[tuple[float, float, float], ...] = ()
 
@@ -140,6 +144,10 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     with np.errstate(invalid="ignore", divide="ignore"):
         ln = np.where(bright, np.log(water / other), np.nan) - geometry[:, None]
         error = np.where(bright, np.hypot(water_error / water, other_error / other), np.nan)
+    seen = seen_by(table, scene, colours[:, 0])
+    if in_bands := int((seen.width_nm > 0).sum()):
+        below = 100 * float(seen.hardened(Water(base="pure"), path[clear > 0]).max())
+        notes.append(Remark(Studied.BANDS, in_bands, len(colours), float(seen.width_nm.max()), percent=below))
     distances, stay = np.unique(places[:, 2], return_inverse=True)
     budget = budget_of(table)
     if not budget.gain_stated:
@@ -147,7 +155,7 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     variance = _stay_variance(table, air, distances, budget.plane_gain, budget.position_m, in_air)
     found = Ratios(
         scene, x, y, z, path, stay, np.sqrt(variance), colours[:, 0], ln, error,
-        geometry, "air" if in_air else "formula", tuple(notes), _published(readings),
+        geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
     )  # fmt: skip
     return _enough(found, where)
 
@@ -265,6 +273,7 @@ def _enough(found: Ratios, where: str | None) -> Ratios:
         stay=stay,
         stay_stderr=found.stay_stderr[used],
         wavelength_nm=found.wavelength_nm[keep],
+        seen=found.seen.of(keep),
         y=found.y[np.ix_(places, keep)],
         stderr=found.stderr[np.ix_(places, keep)],
         notes=(*found.notes, *more),

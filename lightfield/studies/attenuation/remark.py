@@ -16,6 +16,7 @@ class Studied(str, Enum):
     FAINT = "faint"
     NOT_IN_AIR = "not_in_air"
     FEW_DISTANCES = "few_distances"
+    BANDS = "bands"
     NOT_TRACED = "not_traced"
     FEW_COLOURS = "few_colours"
     NO_CONSTITUENTS = "no_constituents"
@@ -59,6 +60,10 @@ _WORDS = {
     Studied.FAINT: "{count} of {among} pairs are fainter than {limit:g} of their errors: left out",
     Studied.NOT_IN_AIR: "{count} readings in water have none in air at their place and wavelength: left out",
     Studied.FEW_DISTANCES: "{count} wavelengths were not read at {limit:g} distances: left out",
+    Studied.BANDS: "{count} of {among} wavelengths stand for bands (up to {limit:g} nm wide): constituents "
+    "are looked for in means over them, weighed by the scene's lamp and detector. K of a band falls with "
+    "distance, as what is dimmed most is gone first: by pure water alone it lies up to {percent:.2g} % below "
+    "the band's mean attenuation here",
     Studied.NOT_TRACED: "scattered light could not be traced: {why}",
     Studied.FEW_COLOURS: "constituents need {limit:g} wavelengths",
     Studied.NO_CONSTITUENTS: "constituents were not looked for: {why}",

@@ -17,7 +17,7 @@ from scipy import stats
 
 from lightfield.arrays import Array
 from lightfield.fitting.diffuse_light import DiffuseSource
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.water import Water
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, stays
 from lightfield.studies.attenuation.excess import Excess, excess_light
@@ -144,6 +144,23 @@ class Stack:
         """ln(all light / direct light), shape (n_rows, n_colours)."""
         return np.concatenate([e.value(a, b) for e in self.excess])
 
+    def of_water(self, water: Water, scattered: bool = True) -> Array:
+        """ln of what a water lets through, mean over every band, shape (n_rows, n_colours).
+
+        Parameters
+        ----------
+        scattered : bool
+            False: every scattered photon is lost.
+        """
+        rows = []
+        for table, excess in zip(self.tables, self.excess, strict=True):
+            a, b = table.seen.coefficients(water)
+            ln = -np.multiply.outer(table.path_m, a + b)
+            if scattered:
+                ln += excess.value(a.ravel(), b.ravel()).reshape(ln.shape)
+            rows.append(table.seen.mean_ln(ln))
+        return np.concatenate(rows)
+
     def slopes(self, a: Array, b: Array) -> tuple[Array, Array]:
         """Its derivatives by a and b, m."""
         by_a, by_b = zip(*(e.slopes(a, b) for e in self.excess), strict=True)
@@ -222,8 +239,7 @@ def _combination(estimate: JointEstimate, a: Array, b: Array) -> tuple[Array, Ar
 def scene_says(apparent: Apparent, excess: Excess) -> Array:
     """Slope K that the scene's own water would show here, shape (n_colours,), 1/m."""
     r = apparent.ratios
-    a, b = (f(r.scene.water, r.wavelength_nm) for f in (absorption_per_m, scattering_per_m))
-    y = excess.value(a, b) - np.outer(r.path_m, a + b)
+    y = Stack([r], [excess]).of_water(r.scene.water)
     return -np.polyfit(r.path_m, y, 1)[0]
 
 

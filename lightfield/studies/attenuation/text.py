@@ -91,10 +91,15 @@ def fit_sentence(one: Apparent) -> str:
     text = f"chi-square {e.chi2:.1f} for {e.dof} degrees of freedom (p = {one.misfit_p:.2g}): straight lines "
     if one.misfit_p > POOR_FIT:
         return text + "fit. That does not show that Beer-Lambert holds: scattered light keeps them straight."
+    width = float(one.ratios.seen.width_nm.max())
+    bent = (
+        f" (over a band of {width:g} nm the line bends by itself: what is dimmed most is gone first)"
+        * bool(width)
+    )
     return (
-        f"{text}do not fit. The errors are stated too small, or more than attenuation is at work: diagnose "
-        f"it. All errors of K are multiplied by {e.errors_times:.2g}, the root of chi-square over degrees of "
-        "freedom."
+        f"{text}do not fit. The errors are stated too small, or more than attenuation is at work{bent}: "
+        f"diagnose it. All errors of K are multiplied by {e.errors_times:.2g}, the root of chi-square over "
+        "degrees of freedom."
     )
 
 

@@ -20,7 +20,6 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError
 from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -40,6 +39,7 @@ from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose_search import find_minima
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.light_at import refuse_dark
+from lightfield.studies.one_number import refuse_several
 
 #: Ways to calibrate the formula, in words.
 EXACT, FITTED, CLEAR, RELATIVE = (
@@ -290,11 +290,10 @@ def bias_study(
         No light is left at the far end of the space.
     """
     elements = elements_of(array_of(scene))
-    if scene.water.base != "none":
-        raise SceneError(
-            "the scattering of this water is not one number", where="water.base", found=scene.water.base,
-            rule="the bias is asked for over water.scattering_per_m", remedy='set water.base = "none"',
-        )  # fmt: skip
+    refuse_several(
+        scene, found="bias over scattering",
+        rule="the bias is asked for over water.scattering_per_m, the only scattering",
+    )  # fmt: skip
     space = Space.of_scene(scene) if space is None else space
     most = max(*scattering_per_m, scene.water.scattering_per_m)
     densest = scene.with_values({"water.scattering_per_m": most})

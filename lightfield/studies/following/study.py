@@ -15,12 +15,14 @@ from lightfield.progress import step, tell
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
+from lightfield.studies.follower.bias import CLEAR_PER_M
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
 from lightfield.studies.following.loop import Track, run_loop
 from lightfield.studies.following.metrics import METRICS, OverRuns, metrics_of
 from lightfield.studies.following.truth_and_belief import densest_per_m, light_of_mission
+from lightfield.studies.one_number import refuse_several
 
 #: In words, what a follower believes.
 BELIEFS = {
@@ -291,18 +293,25 @@ def with_belief(scene: Scene, believes: str) -> Scene:
     Raises
     ------
     SceneError
-        Water whose scattering is not one number cannot be cleared.
+        Water whose scattering is not one number can neither be cleared nor become turbid.
     """
     if scene.follower is None:
         scene = scene.model_copy(update={"follower": follower_in(None, scene.tank)})
     if believes:
         scene = scene.with_values({"follower.mission.believes": believes})
     mission = follower_in(scene.follower, scene.tank).mission
-    if scene.water.base != "none" and (mission.believes == "clear" or mission.turbid_factor != 1):
-        raise SceneError(
-            "the scattering of this water is not one number", where="water.base", found=scene.water.base,
-            rule="water that clears or changes is told by water.scattering_per_m",
-            remedy='set water.base = "none"',
+    if mission.believes == "clear":
+        others = [name for name in BELIEFS if name != "clear"]
+        refuse_several(
+            scene, where="follower.mission.believes", found='believes = "clear"',
+            rule=f"clear water is this water with scattering_per_m = {CLEAR_PER_M:g}, its only scattering",
+            otherwise=f"; or believe {', '.join(others[:-1])} or {others[-1]}",
+        )  # fmt: skip
+    if mission.turbid_factor != 1:
+        refuse_several(
+            scene, where="follower.mission.turbid_factor", found=f"turbid_factor = {mission.turbid_factor:g}",
+            rule="it multiplies water.scattering_per_m, the only scattering",
+            otherwise="; or set turbid_factor = 1",
         )  # fmt: skip
     return scene
 

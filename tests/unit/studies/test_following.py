@@ -11,6 +11,7 @@ from lightfield import cli
 from lightfield.errors import SceneError
 from lightfield.report.follower.follow_page import follow_sweep_page, following_page
 from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.bias import belief
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, wrapped
@@ -177,9 +178,26 @@ def test_missions_that_cannot_be(tmp_path: Path) -> None:
     ):
         with pytest.raises(SceneError, match=says):
             KNOWN.with_values({f"follower.mission.{k}": v for k, v in values.items()})
-    case_one = KNOWN.with_values({"water.base": "pure", "water.absorption_per_m": 0.0})
-    with pytest.raises(SceneError, match="not one number"):
-        with_belief(case_one, "clear")
+
+
+@pytest.mark.parametrize(
+    "water", [{"base": "pure"}, {"chlorophyll_mg_per_m3": 0.5, "absorption_per_m": 0.05}]
+)
+@pytest.mark.parametrize(
+    "asked, where", [({"believes": "clear"}, "believes"), ({"turbid_factor": 3.0}, "turbid_factor")]
+)
+def test_water_that_is_not_one_number_says_which_numbers_would_be(water, asked, where) -> None:
+    """What is asked for, in which water, why not, and the numbers that the scene could state instead."""
+    plain = {"water.absorption_per_m": 0.0, "water.scattering_per_m": 0.0}
+    case_one = KNOWN.with_values(plain | {f"water.{k}": v for k, v in water.items()})
+    with pytest.raises(SceneError) as found:
+        with_belief(case_one.with_values({f"follower.mission.{k}": v for k, v in asked.items()}), "")
+    error, at = found.value, np.array([525.0])
+    assert error.where == f"follower.mission.{where}" and next(iter(water)) in error.found
+    assert "scattering_per_m" in error.rule
+    a, b = (f(case_one.water, at)[0] for f in (absorption_per_m, scattering_per_m))
+    assert f'base = "none", absorption_per_m = {a:.3g}, scattering_per_m = {b:.3g}' in error.remedy
+    assert ("or believe" in error.remedy) == (where == "believes")
 
 
 def test_a_page_and_its_data(tmp_path: Path) -> None:

@@ -1,0 +1,46 @@
+"""Water whose scattering is one number: what a study asks for that changes it."""
+
+from __future__ import annotations
+
+from lightfield.errors import SceneError
+from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+#: What scatters beside `water.scattering_per_m` and a base.
+_SCATTERING = ("chlorophyll_mg_per_m3", "sediment_g_per_m3")
+
+
+def refuse_several(
+    scene: Scene, *, found: str, rule: str, where: str | None = None, otherwise: str = ""
+) -> None:
+    """Refuse water that scatters by more than `water.scattering_per_m`.
+
+    Parameters
+    ----------
+    found, rule : str
+        Of the error: what asks for one number, and why.
+    where : str, optional
+        The value that asks; by default that of the water.
+    otherwise : str
+        What can be done instead of stating the water by numbers.
+
+    Raises
+    ------
+    SceneError
+        Its remedy has the numbers of this water in the middle of its band.
+    """
+    water = scene.water
+    held = {"base": f'"{water.base}"'} if water.base != "none" else {}
+    held |= {name: f"{getattr(water, name):g}" for name in _SCATTERING if getattr(water, name)}
+    if not held:
+        return
+    at = middles_nm(scene)[0].mean(keepdims=True)
+    a, b = (float(f(water, at)[0]) for f in (absorption_per_m, scattering_per_m))
+    raise SceneError(
+        "the scattering of this water is not one number", where=where or f"water.{next(iter(held))}",
+        found=f"{found} in water of {', '.join(f'{k} = {v}' for k, v in held.items())}", rule=rule,
+        remedy=f"state the water by numbers, as it is at {at[0]:g} nm: [water] "
+        f'base = "none", absorption_per_m = {a:.3g}, scattering_per_m = {b:.3g}, '
+        f"and no more of what absorbs or scatters{otherwise}",
+    )  # fmt: skip
