@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings import text, units
-from lightfield.readings.instruments.columns import check_axis
+from lightfield.readings.instruments.number_block import check_axis
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems

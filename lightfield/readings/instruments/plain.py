@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.columns import (
+from lightfield.readings.instruments.number_block import (
     NumberBlock,
     check_axis,
     find_table,

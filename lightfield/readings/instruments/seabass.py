@@ -11,7 +11,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.readings import text, units
-from lightfield.readings.instruments.columns import LEAST_ACROSS, check_axis
+from lightfield.readings.instruments.number_block import LEAST_ACROSS, check_axis
 from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
