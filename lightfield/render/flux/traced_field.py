@@ -13,7 +13,7 @@ backward part of the light, kept beside, tells how much that can be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -152,28 +152,26 @@ class TracedField:
         Cells of the trace.
     response : TransportResponse
         Flux vector, cell by cell.
+    known : HistorySplines, optional
+        Splines of the trace, where another view of it has them.
     """
 
     scene: Scene
     grid: Grid
     response: TransportResponse
+    known: HistorySplines | None = None
 
     def in_water_of(self, scene: Scene) -> TracedField:
         """The same trace in the water, walls and surface of another scene."""
-        return self._sharing(scene, self._histories)
+        return replace(self, scene=scene, known=self._histories)
 
     def leave_one_out(self) -> list[TracedField]:
         """The field without one of the independent batches of the trace, each in turn: for a jackknife."""
-        return [self._sharing(self.scene, some) for some in self._histories.leave_one_out()]
-
-    def _sharing(self, scene: Scene, histories: HistorySplines) -> TracedField:
-        other = TracedField(scene, self.grid, self.response)
-        other.__dict__["_histories"] = histories
-        return other
+        return [replace(self, known=some) for some in self._histories.leave_one_out()]
 
     @cached_property
     def _histories(self) -> HistorySplines:
-        return HistorySplines(self.scene, self.grid, self.response)
+        return self.known or HistorySplines(self.scene, self.grid, self.response)
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """Readings and their standard errors, 1/m^2, shape (n,): of photons, and of light from walls that
