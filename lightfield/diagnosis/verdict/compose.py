@@ -15,14 +15,12 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival
 from lightfield.diagnosis.verdict.advice import where_next
+from lightfield.diagnosis.verdict.best_set import unnamed
+from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
+from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.estimates import estimates, units_in
-from lightfield.diagnosis.verdict.found import unnamed
-from lightfield.diagnosis.verdict.found.left import left_over
-from lightfield.diagnosis.verdict.found.misfit import along, unexplained
-from lightfield.diagnosis.verdict.found.records import found_effects
-from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed, rms_over
 from lightfield.diagnosis.verdict.next_measurement import NextMeasurement, look
 from lightfield.diagnosis.verdict.parts import (
@@ -37,6 +35,8 @@ from lightfield.diagnosis.verdict.parts import (
     Rung,
 )
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
+from lightfield.diagnosis.verdict.rest.left_over import left_over
+from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
 from lightfield.diagnosis.verdict.trust import Trust, pure_error, set_aside, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
