@@ -13,7 +13,7 @@ from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import OverAxes
 from lightfield.scene import Scene
-from lightfield.studies import band as bands
+from lightfield.studies.band import study, text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 REL_ERROR, MAX_PHOTONS = 0.005, 4e6
 
 
-class Band(OverAxes[bands.Bands]):
+class Band(OverAxes[study.Bands]):
     """Which band of wavelengths serves best."""
 
     @property
     def headline(self) -> str:
-        return bands.headline(self.details)
+        return text.headline(self.details)
 
     def as_text(self) -> str:
-        return bands.as_text(self.details)
+        return text.as_text(self.details)
 
     def as_data(self) -> dict[str, Any]:
-        return bands.as_data(self.details)
+        return text.as_data(self.details)
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """What is left of the lamp's light over wavelength, at every distance."""
@@ -109,9 +109,9 @@ def band(
     UsageError, SceneError
         Numbers that make no sense; water, lamp or detector that are not known at these wavelengths.
     """
-    noise = bands.CountNoise(electrons, read_noise, mismatch)
+    noise = study.CountNoise(electrons, read_noise, mismatch)
     return Band(
-        bands.best_band(
+        study.best_band(
             scene_of(scene), trace, noise, distances_m=distances, width_nm=width, low_nm=between[0],
             high_nm=between[1], response=None if response is None else fspath(response),
             rel_error=rel_error, max_photons=max_photons, seed=seed,

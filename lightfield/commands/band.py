@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("not a range", where="--between", found=args.between, rule="LOW:HIGH in nm")
     outputs_of(args, args.scene, args.response)
     from lightfield.api.band import Band
-    from lightfield.studies.band import CountNoise, best_band
+    from lightfield.studies.band.study import CountNoise, best_band
 
     noise = CountNoise(args.electrons, args.read_noise, args.mismatch)
     with progress_of("band"):

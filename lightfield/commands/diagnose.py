@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
     from lightfield.diagnosis.diagnose import CURVES, HYPOTHESES, VERDICT, diagnose
     from lightfield.diagnosis.search.cascade import ALPHA
-    from lightfield.diagnosis.verdict.found.so_far import SoFar
+    from lightfield.diagnosis.verdict.best_set.so_far import SoFar
     from lightfield.fitting.fitted_curves import LAMP_TABLE, SPECTRUM_TABLE
 
     if args.output:

@@ -22,8 +22,8 @@ from lightfield.diagnosis.search.progress import Progress
 from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, refutation
-from lightfield.diagnosis.verdict.found import unnamed
-from lightfield.diagnosis.verdict.found.scattered_too import (
+from lightfield.diagnosis.verdict.best_set import unnamed
+from lightfield.diagnosis.verdict.best_set.scattered_too import (
     WithScattering,
     in_light_of_photons,
     with_scattering,

@@ -18,11 +18,11 @@ from lightfield.diagnosis.problem.setup import source_of, spectral
 from lightfield.diagnosis.search.cascade import ALPHA, Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict import calibration, compose
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
-from lightfield.diagnosis.verdict.found.left import ranked
-from lightfield.diagnosis.verdict.found.so_far import SoFar
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
+from lightfield.diagnosis.verdict.rest.left_over import ranked
 from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.trust import standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict

@@ -17,7 +17,8 @@ from lightfield.report.style import (
     panels,
     percent_axis,
 )
-from lightfield.studies.band import FLAT, PAPER_BAND, WRONG, Bands, headline, rows, water_sentence
+from lightfield.studies.band.study import FLAT, PAPER_BAND, WRONG, Bands
+from lightfield.studies.band.text import headline, rows, water_sentence
 
 
 def band_figure(found: Bands, narrow: bool = False) -> Figure:

@@ -165,14 +165,17 @@ def to_svg(fig: Figure, name: str) -> str:
         Different for every figure of a page: it keeps their internal references apart.
     """
     buffer = StringIO()
-    with matplotlib.rc_context({**STYLE, "svg.hashsalt": name}):
+    with matplotlib.rc_context(STYLE):
         FigureCanvasSVG(fig)
         with _laid_out(fig, fig.dpi):
             fig.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = buffer.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'(id="|url\(#|href="#)', lambda found: f"{found[1]}{name}-", svg)
+    # Numbered as they come: Matplotlib makes them of random numbers, and of places before these are rounded.
+    numbers: dict[str, int] = {}
+    named = re.compile(r'(?<= id=")[^"]+|(?<=url\(#)[^)]+|(?<=href="#)[^"]+')
+    svg = named.sub(lambda found: f"{name}-{numbers.setdefault(found[0], len(numbers))}", svg)
     # Width from the page, height from the drawing's own proportions.
     svg = re.sub(r'<svg ([^>]*?)width="[^"]*" height="[^"]*"', r"<svg \1", svg, count=1)
     shape = f'role="img" style="max-width: {PAGE_PIXELS * fig.get_figwidth() / WIDTH:.0f}px"'

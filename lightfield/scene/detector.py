@@ -34,28 +34,17 @@ class Detector(Part):
         (4.5, 5.5, 6.5, 7.5, 8.5), "z of the detector planes, rising", Acts.PLACES, unit="m"
     )
     width_m: float | None = number(
-        None,
-        "m",
-        "width of a plane in x; when absent 2 m, or the tank's width if less",
-        Acts.PLACES,
-        above=0.0,
-        high=1e4,
-    )
+        None, "m", "width of a plane in x; when absent 2 m, or the tank's width if less",
+        Acts.PLACES, above=0.0, high=1e4,
+    )  # fmt: skip
     height_m: float | None = number(
-        None,
-        "m",
-        "height of a plane in y; when absent the width, up to the tank's floor and top",
-        Acts.PLACES,
-        above=0.0,
-    )
+        None, "m", "height of a plane in y; when absent the width, up to the tank's floor and top",
+        Acts.PLACES, above=0.0,
+    )  # fmt: skip
     pixels: int = number(
-        65,
-        "1",
-        "pixels along the width, and along a height that is not stated",
-        Acts.PLACES,
-        low=1,
-        high=4096,
-    )
+        65, "1", "pixels along the width, and along a height that is not stated",
+        Acts.PLACES, low=1, high=4096,
+    )  # fmt: skip
     positions_m: tuple[tuple[Metres, Metres, PositiveMetres], ...] | None = declare(
         None, "single positions [x, y, z] instead of planes", Acts.PLACES, unit="m"
     )
@@ -81,103 +70,52 @@ class Detector(Part):
         None, "for response table: CSV (wavelength_nm, response), any scale", Acts.POWER, later=True
     )
     wavelength_shift_nm: float = number(
-        0.0,
-        "nm",
-        "what is read lies so far above the wavelengths and bands that are stated",
-        Acts.PLACES,
-        low=-50.0,
-        high=50.0,
-        neutral=0.0,
-    )
+        0.0, "nm", "what is read lies so far above the wavelengths and bands that are stated",
+        Acts.PLACES, low=-50.0, high=50.0, neutral=0.0,
+    )  # fmt: skip
     second_order: float = number(
-        0.0,
-        "1",
+        0.0, "1",
         "part of the signal at half the wavelength that is read with it, where both are in one spectrum",
-        Acts.READOUT,
-        low=0.0,
-        high=1.0,
-        neutral=0.0,
-        later=True,
-    )
+        Acts.READOUT, low=0.0, high=1.0, neutral=0.0, later=True,
+    )  # fmt: skip
     stray_light: float = number(
-        0.0,
-        "1",
+        0.0, "1",
         "part of each wavelength's signal that is replaced by the mean of all that are read at once",
-        Acts.READOUT,
-        low=0.0,
-        high=1.0,
-        neutral=0.0,
-    )
+        Acts.READOUT, low=0.0, high=1.0, neutral=0.0,
+    )  # fmt: skip
     background: float = number(
-        0.0,
-        "reading",
-        "constant reading from ambient light or dark signal",
-        Acts.READOUT,
-        low=-1e9,
-        high=1e9,
-        neutral=0.0,
-    )
+        0.0, "reading", "constant reading from ambient light or dark signal",
+        Acts.READOUT, low=-1e9, high=1e9, neutral=0.0,
+    )  # fmt: skip
     background_drift_per_hour: float = number(
-        0.0,
-        "1/h",
-        "background changes by 1 + d t",
-        Acts.READOUT,
-        low=-1000.0,
-        high=1000.0,
-        neutral=0.0,
-    )
+        0.0, "1/h", "background changes by 1 + d t",
+        Acts.READOUT, low=-1000.0, high=1000.0, neutral=0.0,
+    )  # fmt: skip
     saturation: float = number(
-        0.0,
-        "1",
-        "k of s / (1 + k s), s relative to the largest reading",
-        Acts.READOUT,
-        low=0.0,
-        high=10.0,
-        neutral=0.0,
-    )
+        0.0, "1", "k of s / (1 + k s), s relative to the largest reading",
+        Acts.READOUT, low=0.0, high=10.0, neutral=0.0,
+    )  # fmt: skip
     saturation_quadratic: float = number(
-        0.0,
-        "1",
-        "k of s (1 - k s), s relative to the largest reading",
-        Acts.READOUT,
-        low=0.0,
-        high=0.5,
-        neutral=0.0,
-    )
+        0.0, "1", "k of s (1 - k s), s relative to the largest reading",
+        Acts.READOUT, low=0.0, high=0.5, neutral=0.0,
+    )  # fmt: skip
     plane_departure: Curve = declare(
-        (),
-        "[[z_m, ln of a factor], ...] on the signal at each distance: linear between, constant beyond",
-        Acts.READOUT,
-        neutral=(),
-        later=True,
-    )
+        (), "[[z_m, ln of a factor], ...] on the signal at each distance: linear between, constant beyond",
+        Acts.READOUT, neutral=(), later=True,
+    )  # fmt: skip
     immersion_factor: float = number(
-        1.0,
-        "1",
+        1.0, "1",
         "irradiance in water over that in air which gives the same reading; readings in water are divided",
-        Acts.READOUT,
-        low=0.5,
-        high=2.5,
-        neutral=1.0,
-    )
+        Acts.READOUT, low=0.5, high=2.5, neutral=1.0,
+    )  # fmt: skip
     acceptance_hwhm_deg: float = number(
-        0.0,
-        "deg",
-        "half width of a Gaussian acceptance; 0 means unlimited, as hundreds and more nearly are",
-        Acts.RECEIVER,
-        low=0.0,
-        high=1e5,
-        neutral=0.0,
-    )
+        0.0, "deg", "half width of a Gaussian acceptance; 0 means unlimited, as hundreds and more nearly are",
+        Acts.RECEIVER, low=0.0, high=1e5, neutral=0.0,
+    )  # fmt: skip
     cosine_error: float = number(
-        0.0,
-        "1",
-        "relative error of the cosine response at 60 degrees; it grows with 1 - cos",
-        Acts.RECEIVER,
-        low=-0.5,
-        high=0.5,
-        neutral=0.0,
-    )
+        0.0, "1", "relative error of the cosine response at 60 degrees; it grows with 1 - cos",
+        Acts.RECEIVER, low=-0.5, high=0.5, neutral=0.0,
+    )  # fmt: skip
     tilt_x_deg: float = number(
         0.0, "deg", "receiver axis turned towards +x", Acts.RECEIVER, above=-90.0, below=90.0, neutral=0.0
     )

@@ -34,13 +34,9 @@ class DetectorArray(Part):
         NOTHING,
     )
     size_m: float = number(
-        0.6,
-        "m",
-        "from the first to the last element of a row, diameter of a ring",
-        NOTHING,
-        above=0.0,
-        high=10.0,
-    )
+        0.6, "m", "from the first to the last element of a row, diameter of a ring",
+        NOTHING, above=0.0, high=10.0,
+    )  # fmt: skip
     radius_m: float = number(
         0.0, "m", "of the sphere that the elements lie on; 0: they lie flat", NOTHING, low=0.0, high=100.0,
         neutral=0.0,
@@ -51,14 +47,9 @@ class DetectorArray(Part):
         1.0, "reading m2", "reading per irradiance over the lamp's intensity on its axis", NOTHING, above=0.0
     )
     noise_percent: float = number(
-        1.0,
-        "%",
-        "noise of every reading, of the brightest element's",
-        NOTHING,
-        low=0.0,
-        high=100.0,
-        neutral=0.0,
-    )
+        1.0, "%", "noise of every reading, of the brightest element's",
+        NOTHING, low=0.0, high=100.0, neutral=0.0,
+    )  # fmt: skip
     gain_mismatch_percent: float = number(
         0.8, "%", "scatter of the elements' gains", NOTHING, low=0.0, high=100.0, neutral=0.0
     )
@@ -73,14 +64,9 @@ class DetectorArray(Part):
         2e-9, "A", "without light; its shot noise counts", NOTHING, low=0.0, high=1.0, neutral=0.0
     )
     adc_bits: int = number(
-        10,
-        "1",
-        "of a converter that the brightest element fills; 0: exact",
-        NOTHING,
-        low=0,
-        high=32,
-        neutral=0,
-    )
+        10, "1", "of a converter that the brightest element fills; 0: exact",
+        NOTHING, low=0, high=32, neutral=0,
+    )  # fmt: skip
     sample_hz: float = number(
         10.0, "Hz", "readings of the whole array a second", NOTHING, above=0.0, high=1e6
     )
@@ -190,21 +176,11 @@ class Follower(Part):
     pitch_deg: float = number(0.0, "deg", "looking up", NOTHING, low=-90.0, high=90.0, neutral=0.0)
     roll_deg: float = number(0.0, "deg", "leaning to +x", NOTHING, low=-180.0, high=180.0, neutral=0.0)
     water_known_percent: float = number(
-        20.0,
-        "%",
-        "how well it knows absorption and scattering; 0: exactly",
-        NOTHING,
-        low=0.0,
-        high=1e6,
-        neutral=0.0,
-    )
+        20.0, "%", "how well it knows absorption and scattering; 0: exactly",
+        NOTHING, low=0.0, high=1e6, neutral=0.0,
+    )  # fmt: skip
     lamp_tilt_known_deg: float = number(
-        0.0,
-        "deg",
-        "how well it knows where the lamp points; 0: exactly",
-        NOTHING,
-        low=0.0,
-        high=90.0,
-        neutral=0.0,
-    )
+        0.0, "deg", "how well it knows where the lamp points; 0: exactly",
+        NOTHING, low=0.0, high=90.0, neutral=0.0,
+    )  # fmt: skip
     mission: Mission = Field(default_factory=Mission, description="what it does")

@@ -32,54 +32,29 @@ class Tank(Part):
         0.5, "m", "from the back wall to the lamp window", Acts.BOX, low=0.0, high=1e5
     )
     lamp_depth_m: float = number(
-        None,
-        "m",
-        "from the surface down to the lamp axis; half the depth when absent",
-        Acts.BOX,
-        above=0.0,
-        high=1e5,
-    )
+        None, "m", "from the surface down to the lamp axis; half the depth when absent",
+        Acts.BOX, above=0.0, high=1e5,
+    )  # fmt: skip
     wall_albedo: float = number(
-        0.0,
-        "1",
-        "reflected part at walls, and at a floor like them",
-        Acts.REFLECTION,
-        low=0.0,
-        high=1.0,
-        neutral=0.0,
-    )
+        0.0, "1", "reflected part at walls, and at a floor like them",
+        Acts.REFLECTION, low=0.0, high=1.0, neutral=0.0,
+    )  # fmt: skip
     floor_over_walls: float = number(
-        1.0,
-        "1",
-        "albedo of the floor over that of the walls; the floor reflects all at most",
-        Acts.FLOOR,
-        low=0.0,
-        high=100.0,
-        neutral=1.0,
-        later=True,
-    )
+        1.0, "1", "albedo of the floor over that of the walls; the floor reflects all at most",
+        Acts.FLOOR, low=0.0, high=100.0, neutral=1.0, later=True,
+    )  # fmt: skip
     surface: Literal["none", "flat"] = declare(
         "none", "top: a lid like the walls, or a flat water surface", Acts.REFLECTION
     )
     surface_reflectance: float = number(
-        0.0,
-        "1",
-        "multiplies the Fresnel reflectance of the flat surface",
-        Acts.REFLECTION,
-        low=0.0,
-        high=1.0,
-        neutral=0.0,
-    )
+        0.0, "1", "multiplies the Fresnel reflectance of the flat surface",
+        Acts.REFLECTION, low=0.0, high=1.0, neutral=0.0,
+    )  # fmt: skip
     surface_slope_deg: float = number(
-        0.0,
-        "deg",
+        0.0, "deg",
         "rms slope of waves on the water surface, across and along the tank each; their mean over time",
-        Acts.WAVES,
-        low=0.0,
-        high=STEEPEST_DEG,
-        neutral=0.0,
-        later=True,
-    )
+        Acts.WAVES, low=0.0, high=STEEPEST_DEG, neutral=0.0, later=True,
+    )  # fmt: skip
 
     @model_validator(mode="before")
     @classmethod

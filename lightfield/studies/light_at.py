@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
-from lightfield.fitting.diffuse_light import DiffuseSource
+from lightfield.fitting.diffuse_light import DiffuseSource, TracedDiffuse
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene
@@ -56,7 +55,7 @@ class LightAt:
 
 def diffuse_response_at(
     trace: DiffuseSource, scene: Scene, places: tuple[Array, Array, Array], largest_b: float
-) -> Any:
+) -> TracedDiffuse:
     """The response of the diffuse light at places, in water that scatters up to so much.
 
     Parameters
@@ -65,7 +64,7 @@ def diffuse_response_at(
         `lightfield.render.diffuse.source.response_for` or the like.
     largest_b : float, 1/m
     """
-    response: Any = trace(scene, *places)
+    response = trace(scene, *places)
     if dense_water(np.array([largest_b])) is not None:
         response = response.with_denser(trace(scene, *places, dense_per_m=trace_for(largest_b)))
     return response

@@ -141,7 +141,7 @@ LONG = {
     "render/tracer/histories.py __init__",  # how fine a tally is
     "render/maps.py render_scene",  # documented, called with two or three of them
     "render/diffuse/source.py response_for",  # likewise
-    "studies/band.py best_band",  # likewise
+    "studies/band/study.py best_band",  # likewise
 }
 
 

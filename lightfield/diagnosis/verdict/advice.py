@@ -10,8 +10,12 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.search.told_apart import separation
+from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA, separation
+from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
+from lightfield.diagnosis.verdict.parts import PlaceToRead
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.scene import Tank
@@ -192,23 +196,56 @@ def own_error(there: SceneForward, values: Mapping[str, float]) -> Array:
 
 
 def where_next(
-    problem: Problem,
-    whiten: Whiten,
-    one: Tried,
-    two: Tried,
-    phi: float,
-    places: PossiblePlaces,
-    there: SceneForward,
-    sigma: Callable[[Array], Array],
-) -> Advice:
-    """Where to measure next so that two explanations part.
+    prepared: Prepared, finding: Finding, forward: SceneForward, one: Tried, two: Tried
+) -> NextMeasurement:
+    """Where to measure next so that two explanations part; another kind of measurement where no place helps.
 
     Parameters
     ----------
-    there : SceneForward
-        Predicts readings at the places.
-    sigma : callable
-        Standard error of a reading from its prediction.
+    forward : SceneForward
+        Of the readings; it predicts others, too.
     """
-    ways = [_way(problem, whiten, a.fit, b, there, sigma, phi) for a, b in ((one, two), (two, one))]
-    return best_places(ways, places)
+    problem, level = prepared.problem, finding.level
+    places = possible_places(problem, forward.scene.tank)
+    last = float(np.nanmax(problem.layout.time_s)) if problem.layout.has_time else np.nan
+    n = len(places.x_m)
+    there = forward.at(
+        ROUGH,
+        x_m=places.x_m,
+        y_m=places.y_m,
+        z_m=places.z_m,
+        medium=np.where(places.air > 0, "air", "water"),
+        time_s=np.full(n, last),
+    )
+    sigma = _sigma_curve(prepared, level.bench.phi * level.phi)
+    pairs = ((one, two), (two, one))
+    ways = [_way(problem, finding.whiten, a.fit, b, there, sigma, level.phi) for a, b in pairs]
+    best = best_places(ways, places)
+    readings = [
+        PlaceToRead(
+            x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats
+        )
+        for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
+    ]
+    alike = best.predicted_sigma < SAME_CLASS_SIGMA
+    return NextMeasurement(
+        asks=Asks.OTHER_KIND if alike else Asks.PART,
+        between=[list(one.names), list(two.names)],
+        readings=[] if alike else readings,
+        separation_now_sigma=best.now_sigma,
+        separation_predicted_sigma=best.predicted_sigma,
+    )
+
+
+def _sigma_curve(prepared: Prepared, scale: float) -> Callable[[Array], Array]:
+    """Standard error of a reading from its prediction, interpolated over the readings at hand."""
+    order = np.argsort(prepared.noise.prediction)
+    level, sigma = prepared.noise.prediction[order], prepared.noise.sigma[order]
+
+    def curve(prediction: Array) -> Array:
+        quoted = np.interp(prediction, level, sigma)
+        # Beyond the brightest reading the error is taken to grow in proportion.
+        beyond = np.maximum(prediction / level[-1], 1.0)
+        return np.asarray(np.sqrt(scale) * quoted * beyond)
+
+    return curve

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from lightfield import __version__
-from lightfield.arrays import Array, finite
+from lightfield.arrays import finite
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA, detection_limits, nearest_rival
-from lightfield.diagnosis.verdict.advice import ROUGH, possible_places, where_next
+from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival
+from lightfield.diagnosis.verdict.advice import where_next
+from lightfield.diagnosis.verdict.best_set import unnamed
+from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
+from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.estimates import estimates, units_in
-from lightfield.diagnosis.verdict.found import unnamed
-from lightfield.diagnosis.verdict.found.left import left_over
-from lightfield.diagnosis.verdict.found.misfit import along, unexplained
-from lightfield.diagnosis.verdict.found.records import found_effects
-from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed, rms_over
-from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement, look
+from lightfield.diagnosis.verdict.next_measurement import NextMeasurement, look
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
@@ -35,12 +32,12 @@ from lightfield.diagnosis.verdict.parts import (
     LeftOver,
     Misfit,
     NearestRival,
-    PlaceToRead,
     Rung,
-    SetAside,
 )
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
-from lightfield.diagnosis.verdict.trust import Trust, pure_error, standard_errors
+from lightfield.diagnosis.verdict.rest.left_over import left_over
+from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
+from lightfield.diagnosis.verdict.trust import Trust, pure_error, set_aside, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
@@ -155,69 +152,6 @@ def _limits(
     }
 
 
-def sigma_curve(prepared: Prepared, scale: float) -> Callable[[Array], Array]:
-    """Standard error of a reading from its prediction, interpolated over the readings at hand."""
-    order = np.argsort(prepared.noise.prediction)
-    level, sigma = prepared.noise.prediction[order], prepared.noise.sigma[order]
-
-    def curve(prediction: Array) -> Array:
-        quoted = np.interp(prediction, level, sigma)
-        # Beyond the brightest reading the error is taken to grow in proportion.
-        beyond = np.maximum(prediction / level[-1], 1.0)
-        return np.asarray(np.sqrt(scale) * quoted * beyond)
-
-    return curve
-
-
-def _advice(found: Found, one: Tried, two: Tried) -> NextMeasurement:
-    problem, level = found.prepared.problem, found.finding.level
-    places = possible_places(problem, found.forward.scene.tank)
-    last = float(np.nanmax(problem.layout.time_s)) if problem.layout.has_time else np.nan
-    n = len(places.x_m)
-    there = found.forward.at(
-        ROUGH,
-        x_m=places.x_m,
-        y_m=places.y_m,
-        z_m=places.z_m,
-        medium=np.where(places.air > 0, "air", "water"),
-        time_s=np.full(n, last),
-    )
-    curve = sigma_curve(found.prepared, level.bench.phi * level.phi)
-    best = where_next(problem, found.finding.whiten, one, two, level.phi, places, there, curve)
-    readings = [
-        PlaceToRead(
-            x_m=float(x), y_m=float(y), z_m=float(z), medium="air" if a else "water", repeats=best.repeats
-        )
-        for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
-    ]
-    alike = best.predicted_sigma < SAME_CLASS_SIGMA
-    return NextMeasurement(
-        asks=Asks.OTHER_KIND if alike else Asks.PART,
-        between=[list(one.names), list(two.names)],
-        readings=[] if alike else readings,
-        separation_now_sigma=best.now_sigma,
-        separation_predicted_sigma=best.predicted_sigma,
-    )
-
-
-def _set_aside(found: Found) -> list[SetAside]:
-    """Outliers, farthest first, then saturated readings."""
-    readings, trust = found.readings, found.trust
-    far = sorted(np.flatnonzero(trust.aside).tolist(), key=lambda i: -abs(trust.off_sigma[i]))
-
-    def entry(i: int, sigma: float | None) -> SetAside:
-        wavelength = float(readings.wavelength_nm[i])
-        return SetAside(
-            row=i, reason="saturated" if sigma is None else "outlier",
-            x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
-            medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
-            off_sigma=sigma,
-        )  # fmt: skip
-
-    saturated = np.flatnonzero(readings.saturated).tolist()
-    return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
-
-
 def _untestable(found: Found) -> dict[str, tuple[Hindrance, ...]]:
     """What these readings cannot show, with reasons."""
     scores = found.finding.levels[0].adequacy.scores
@@ -271,7 +205,7 @@ def _left_open(found: Found, kind: Kind, advise: bool) -> _LeftOpen:
     other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
     if kind != "ambiguous" or other is None or not advise:
         return _LeftOpen(rival)
-    return _LeftOpen(rival, _advice(found, best, other))
+    return _LeftOpen(rival, where_next(prepared, finding, found.forward, best, other))
 
 
 def verdict_of(found: Found, advise: bool = True) -> Verdict:
@@ -286,7 +220,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     problem, level, units = prepared.problem, finding.level, units_in(found.forward)
     best, kind, untestable = finding.best, kind_of(finding), _untestable(found)
     rival, advice, misfit, left = _left_open(found, kind, advise)
-    aside = _set_aside(found)
+    aside = set_aside(found.readings, trust)
     # A misfit that has a coordinate says more than any doubt.
     doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
     if doubt is not None and doubt.structure is not None:

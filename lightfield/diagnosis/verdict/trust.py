@@ -15,8 +15,9 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.ladder import bright
-from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, SetAside
 from lightfield.fitting.least_squares import Fit
+from lightfield.readings import Readings
 
 #: Median error of a bright reading, in per cent of it, beyond which readings name and exclude nothing:
 #: what is called noise up there is as likely a mistake (a beam read with eight grey levels makes 13 %).
@@ -103,6 +104,23 @@ def trust_of(
         common = structure(aside, misfit, ~saturated, problem.layout, fit.prediction, rate, rng)
         doubt = None if common is None else Doubt(reason=DoubtReason.SET_ASIDE, structure=common)
     return Trust(noise, misfit / sigma, aside, doubt)
+
+
+def set_aside(readings: Readings, trust: Trust) -> list[SetAside]:
+    """Outliers, farthest first, then saturated readings."""
+    far = sorted(np.flatnonzero(trust.aside).tolist(), key=lambda i: -abs(trust.off_sigma[i]))
+
+    def entry(i: int, sigma: float | None) -> SetAside:
+        wavelength = float(readings.wavelength_nm[i])
+        return SetAside(
+            row=i, reason="saturated" if sigma is None else "outlier",
+            x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
+            medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
+            off_sigma=sigma,
+        )  # fmt: skip
+
+    saturated = np.flatnonzero(readings.saturated).tolist()
+    return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
 
 
 def says_nothing(prepared: Prepared, finding: Finding) -> bool:

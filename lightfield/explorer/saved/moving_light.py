@@ -13,7 +13,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import FitError
 from lightfield.explorer.experiment import Experiment
-from lightfield.explorer.saved.arrays import PackedArrays
+from lightfield.explorer.saved.packed_arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import is_gain
 from lightfield.formula.path import rays

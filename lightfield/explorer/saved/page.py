@@ -25,8 +25,8 @@ from lightfield.errors import LightfieldError
 from lightfield.explorer.described import state_data
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.places import SIDE
-from lightfield.explorer.saved.arrays import PackedArrays
 from lightfield.explorer.saved.moving_light import fixed_light, moving_light, ranges_at_stop, why_fixed
+from lightfield.explorer.saved.packed_arrays import PackedArrays
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward

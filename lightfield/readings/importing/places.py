@@ -14,7 +14,7 @@ from lightfield.readings.columns import MEDIA
 from lightfield.readings.importing.index import ROLES, Entry
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.instruments import plain
-from lightfield.readings.instruments.columns import NumberBlock, check_axis, find_table
+from lightfield.readings.instruments.number_block import NumberBlock, check_axis, find_table
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.problems import Problems

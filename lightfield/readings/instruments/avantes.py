@@ -6,7 +6,7 @@ import re
 
 from lightfield.arrays import Array
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.columns import check_axis, find_table, header_of, wavelength_column
+from lightfield.readings.instruments.number_block import check_axis, find_table, header_of, wavelength_column
 from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum

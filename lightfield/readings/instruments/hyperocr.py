@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings import text, units
-from lightfield.readings.instruments.columns import check_axis
+from lightfield.readings.instruments.number_block import check_axis
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -179,10 +179,6 @@ def _decoded(data: bytes, calibration: Calibration, where: str) -> list[Spectrum
         256 * table[:, calibration.pixels_at] + table[:, calibration.pixels_at + 1]
     )  # [n_frames, n_pixels]
     a0, a1, immersion, full = calibration.coefficients.T
-    try:
-        unit = units.canonical(calibration.unit)
-    except ValueError:
-        unit = ""
     notes = (Oddity(Odd.DAMAGED_FRAMES, damaged),) if damaged else ()
     with np.errstate(divide="ignore", invalid="ignore"):
         values = np.where(exposure[:, None] > 0, a1 * (counts - a0) * full / exposure[:, None], np.nan)
@@ -197,7 +193,7 @@ def _decoded(data: bytes, calibration: Calibration, where: str) -> list[Spectrum
             integration_time_s=float(exposure[k]) if exposure[k] > 0 else float("nan"),
             spectrometer=label[3:] if label[3:5] != "HS" else label[5:],
             date=stamps[k],
-            processed_unit=unit if units.is_absolute(unit or "counts") else "",
+            processed_unit=units.absolute_or_none(calibration.unit),
             label=label,
             immersion=immersion,
             notes=notes,

@@ -7,6 +7,8 @@ import unicodedata
 from collections.abc import Mapping
 from datetime import datetime
 
+from lightfield.readings.instruments.oddity import Odd, Oddity
+
 # Matched against the label in lower case without accents.
 LABELS = {
     "integration": r"(?!.*\bauto)(?=.*integra)(?=.*\b(time|zeit|temps|tiempo|tempo)|.*zeit).*",
@@ -72,6 +74,17 @@ def count(header: Mapping[str, str], meaning: str) -> int | None:
     found = lookup(header, meaning)
     match = re.match(r"\s*(\d{1,9})(?![\d.,])", found[1], re.ASCII) if found else None
     return int(match[1]) if match else None
+
+
+def exposure_said(header: Mapping[str, str]) -> tuple[float, tuple[Oddity, ...]]:
+    """Exposure in s, nan where the header does not say; and what is odd about what it says."""
+    found = lookup(header, "integration")
+    if found is None:
+        return float("nan"), ()
+    try:
+        return seconds(*found), ()
+    except ValueError as error:
+        return float("nan"), (Oddity(Odd.EXPOSURE_UNKNOWN, label=found[0], why=str(error)),)
 
 
 def seconds(label: str, text: str) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.columns import (
+from lightfield.readings.instruments.number_block import (
     NumberBlock,
     check_axis,
     find_table,
@@ -140,17 +140,7 @@ def _spectrum(
     notes: tuple[Oddity, ...],
 ) -> Spectrum:
     header = header_of(table.head)
-    exposure = labels.lookup(header, "integration")
-    seconds = float("nan")
-    if exposure:
-        try:
-            seconds = labels.seconds(*exposure)
-        except ValueError as error:
-            notes = (*notes, Oddity(Odd.EXPOSURE_UNKNOWN, label=exposure[0], why=str(error)))
-    try:
-        known = units.canonical(unit) if unit else ""
-    except ValueError:
-        known = ""
+    seconds, odd = labels.exposure_said(header)
     return Spectrum(
         source=document.where,
         format=NAME,
@@ -158,7 +148,7 @@ def _spectrum(
         columns=columns,
         header={"title": document.title, **header},
         integration_time_s=seconds,
-        processed_unit=known if units.is_absolute(known or "counts") else "",
+        processed_unit=units.absolute_or_none(unit),
         label=label,
-        notes=notes,
+        notes=(*notes, *odd),
     )

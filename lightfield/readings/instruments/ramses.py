@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from lightfield.readings import text, units
-from lightfield.readings.instruments.columns import check_axis
+from lightfield.readings.instruments.number_block import check_axis
 from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -104,11 +104,6 @@ def _spectrum(
         return None
     exposure = re.match(r"\d+(\.\d+)?", attributes.get("IntegrationTime", ""))
     seconds = float(exposure[0]) / 1e3 if exposure else float("nan")
-    unit = _CODE.sub("", attributes.get("Unit2", "")).strip()
-    try:
-        unit = units.canonical(unit)
-    except ValueError:
-        unit = ""
     return Spectrum(
         source=document.where,
         format=NAME,
@@ -118,7 +113,7 @@ def _spectrum(
         integration_time_s=seconds if seconds > 0 else float("nan"),
         spectrometer=attributes.get("IDDevice", ""),
         date=attributes.get("DateTime", ""),
-        processed_unit=unit if units.is_absolute(unit or "counts") else "",
+        processed_unit=units.absolute_or_none(_CODE.sub("", attributes.get("Unit2", ""))),
         label=attributes.get("IDDevice", ""),
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.readings import text, units
-from lightfield.readings.instruments.columns import LEAST_ACROSS, check_axis
+from lightfield.readings.instruments.number_block import LEAST_ACROSS, check_axis
 from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -132,10 +132,6 @@ def _moment(names: list[str], row: list[str]) -> str:
 def _spectrum(
     document: Document, header: dict[str, str], nm: Array, values: Array, name: str, unit: str, date: str
 ) -> Spectrum:
-    try:
-        known = units.canonical(unit)
-    except ValueError:
-        known = ""
     return Spectrum(
         source=document.where,
         format=NAME,
@@ -146,6 +142,6 @@ def _spectrum(
             filter(None, (header.get("instrument_manufacturer"), header.get("instrument_model")))
         ),
         date=date,
-        processed_unit=known if units.is_absolute(known or "counts") else "",
+        processed_unit=units.absolute_or_none(unit),
         label=name,
     )

@@ -24,11 +24,11 @@ from lightfield.arrays import Array
 from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
 from lightfield.render.diffuse.errors import ClassLight, relative_modes
 from lightfield.render.diffuse.shift import Shift
-from lightfield.render.diffuse.straight import from_behind
 from lightfield.render.diffuse.traced import TracedWater
 from lightfield.render.reflected.light import ReflectedLight
 from lightfield.render.response.response import CLASSES, FROM_WALLS
 from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import within_band
 from lightfield.scene.water.layers import is_layered, layers_depth
@@ -214,7 +214,7 @@ class DiffuseResponse:
         """Light at the readings from that in the cells, as layers and lamp let it; shape (n_waters, n)."""
         z, r = self.shift.cell_z_m, self.straight_m
         seen = light * self._through_layers(scene)
-        seen = seen * from_behind(scene.lamp.apparent_distance_m, attenuation, z, r)
+        seen = seen * _from_behind(scene.lamp.apparent_distance_m, attenuation, z, r)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
     def _by_floor(self, scene: Scene, attenuation: Array, parts: dict[int, ClassLight]) -> Array | float:
@@ -244,3 +244,26 @@ class DiffuseResponse:
         if is_layered(scene.water):
             light *= self.shift.pick(self._through_layers(scene))
         return np.asarray(light)
+
+
+def _from_behind(
+    apparent_distance_m: float, attenuation_per_m: Array, z_m: Array, straight_m: Array
+) -> Array:
+    """Less attenuation for light from behind the window, which crosses the water less obliquely.
+
+    Parameters
+    ----------
+    attenuation_per_m : array, shape (n_waters,)
+    z_m, straight_m : array, shape (n,)
+        Distance of each cell along the axis, and straight from the window.
+
+    Returns
+    -------
+    factor : array, shape (n_waters, n)
+    """
+    if apparent_distance_m == 0:
+        return np.ones((len(attenuation_per_m), len(z_m)))
+    behind = z_m + apparent_distance_m
+    radius = np.sqrt(np.maximum(straight_m**2 - z_m**2, 0))
+    in_water = beyond_window(np.hypot(radius, behind), z_m, apparent_distance_m)
+    return np.asarray(np.exp(-attenuation_per_m[:, None] * (in_water - straight_m)))

@@ -13,7 +13,7 @@ backward part of the light, kept beside, tells how much that can be.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,9 +32,13 @@ from lightfield.render.response import store
 from lightfield.render.response.grid import Grid, reference_of
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm
-from lightfield.scene.water.coefficients import coefficients_in
+from lightfield.scene.bands import middles_nm, molecular_share
+from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 from lightfield.scene.water.hardening import hardening_depth
+
+#: Scattering of the water of a trace from which others are weighed, 1/m, where the scene's own scatters less:
+#: below it a trace is clean (chosen; the errors of the field say how it went).
+LEAST_TRACED_PER_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,15 @@ class Region:
         return Grid(np.linspace(first, self.far_m + 0.5 * step_z, along), x, x, self.step_m, self.step_m)
 
 
+def reference_for_others(scene: Scene) -> Reference:
+    """Water to trace in for any other: that of the first band's middle, scattering at least a little."""
+    at = middles_nm(scene)[0].mean(keepdims=True)
+    (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
+    traced = max(float(b), LEAST_TRACED_PER_M)
+    molecules = molecular_share(scene) * float(b) / traced
+    return Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
+
+
 def traced_field(
     scene: Scene,
     region: Region,
@@ -83,7 +96,7 @@ def traced_field(
         Its detector is not asked.
     photons : float
     reference : Reference, optional
-        Water to trace in: give scattering here to evaluate waters that scatter from a scene that does not.
+        Water to trace in, default: the scene's own; see `reference_for_others`.
     cache : bool
         Look for, and leave, the trace on disk.
 
@@ -139,28 +152,26 @@ class TracedField:
         Cells of the trace.
     response : TransportResponse
         Flux vector, cell by cell.
+    known : HistorySplines, optional
+        Splines of the trace, where another view of it has them.
     """
 
     scene: Scene
     grid: Grid
     response: TransportResponse
+    known: HistorySplines | None = None
 
     def in_water_of(self, scene: Scene) -> TracedField:
         """The same trace in the water, walls and surface of another scene."""
-        return self._sharing(scene, self._histories)
+        return replace(self, scene=scene, known=self._histories)
 
     def leave_one_out(self) -> list[TracedField]:
         """The field without one of the independent batches of the trace, each in turn: for a jackknife."""
-        return [self._sharing(self.scene, some) for some in self._histories.leave_one_out()]
-
-    def _sharing(self, scene: Scene, histories: HistorySplines) -> TracedField:
-        other = TracedField(scene, self.grid, self.response)
-        other.__dict__["_histories"] = histories
-        return other
+        return [replace(self, known=some) for some in self._histories.leave_one_out()]
 
     @cached_property
     def _histories(self) -> HistorySplines:
-        return HistorySplines(self.scene, self.grid, self.response)
+        return self.known or HistorySplines(self.scene, self.grid, self.response)
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """Readings and their standard errors, 1/m^2, shape (n,): of photons, and of light from walls that

@@ -10,7 +10,6 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from math import prod, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -251,7 +250,7 @@ class Room:
     def _seen(self) -> Patches:
         return self.half.some(self.before).divided(self.parts).on_both_sides()
 
-    def _in_surface(self, places: np.ndarray, response: Any, patches: Patches) -> Transfer:
+    def _in_surface(self, places: np.ndarray, response: Response, patches: Patches) -> Transfer:
         def mirrored(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
             return np.asarray(response(direction, which) * fresnel(np.abs(direction[1])))
 

@@ -35,14 +35,9 @@ class Lamp(Part):
         2.0, "1", "m of exp(-ln2 (theta/hwhm)^m)", Acts.BEAM, low=0.2, high=50.0, neutral=2.0
     )
     skirt_fraction: float = number(
-        0.0,
-        "1",
-        "on-axis intensity of the skirt over that of the core",
-        Acts.BEAM,
-        low=0.0,
-        high=10.0,
-        neutral=0.0,
-    )
+        0.0, "1", "on-axis intensity of the skirt over that of the core",
+        Acts.BEAM, low=0.0, high=10.0, neutral=0.0,
+    )  # fmt: skip
     skirt_hwhm_deg: float = number(
         15.0, "deg", "half width of the skirt at half maximum", Acts.BEAM, low=0.05, high=90.0
     )
@@ -58,38 +53,23 @@ class Lamp(Part):
         0.0, "deg", "beam axis turned towards +y", Acts.BEAM, above=-90.0, below=90.0, neutral=0.0
     )
     apparent_distance_m: float = number(
-        0.0,
-        "m",
-        "distance behind the window from which the light seems to come",
-        Acts.BEAM | Acts.SOURCE,
-        low=0.0,
-        high=50.0,
-        neutral=0.0,
-    )
+        0.0, "m", "distance behind the window from which the light seems to come",
+        Acts.BEAM | Acts.SOURCE, low=0.0, high=50.0, neutral=0.0,
+    )  # fmt: skip
     radius_m: float = number(
         0.0, "m", "radius of a uniformly bright window", Acts.SOURCE, low=0.0, high=5.0, neutral=0.0
     )
     window_index: float = number(
-        1.0,
-        "1",
-        "readings in air see I(theta/n)/n^2 of the beam in water",
-        Acts.AIR,
-        low=1.0,
-        high=2.0,
-        neutral=1.0,
-    )
+        1.0, "1", "readings in air see I(theta/n)/n^2 of the beam in water",
+        Acts.AIR, low=1.0, high=2.0, neutral=1.0,
+    )  # fmt: skip
     drift_per_hour: float = number(
         0.0, "1/h", "lamp power changes by 1 + d t", Acts.TIME, low=-10.0, high=10.0, neutral=0.0
     )
     warmup_fraction: float = number(
-        0.0,
-        "1",
-        "lamp power changes by 1 + f (1 - exp(-t/tau))",
-        Acts.TIME,
-        above=-1.0,
-        high=10.0,
-        neutral=0.0,
-    )
+        0.0, "1", "lamp power changes by 1 + f (1 - exp(-t/tau))",
+        Acts.TIME, above=-1.0, high=10.0, neutral=0.0,
+    )  # fmt: skip
     warmup_time_s: float = number(600.0, "s", "tau of the warm-up", Acts.TIME, above=0.0, high=1e6)
     power_w: float = number(
         50.0, "W", "radiant power of the beam over the whole spectrum", Acts.POWER, above=0.0, high=1e6
@@ -117,24 +97,16 @@ class Lamp(Part):
     profile_departure: Curve = declare(
         (),
         "[[angle_deg, ln of a factor], ...] on the intensity of the profile: linear between, constant beyond",
-        Acts.BEAM,
-        neutral=(),
-        later=True,
-    )
+        Acts.BEAM, neutral=(), later=True,
+    )  # fmt: skip
     spectrum_departure: Curve = declare(
-        (),
-        "[[wavelength_nm, ln of a factor], ...] on the spectral power: linear between, constant beyond",
-        Acts.POWER,
-        neutral=(),
-        later=True,
-    )
+        (), "[[wavelength_nm, ln of a factor], ...] on the spectral power: linear between, constant beyond",
+        Acts.POWER, neutral=(), later=True,
+    )  # fmt: skip
     power_departure: Curve = declare(
-        (),
-        "[[time_s, ln of a factor], ...] on the lamp power: linear between, constant beyond",
-        Acts.TIME,
-        neutral=(),
-        later=True,
-    )
+        (), "[[time_s, ln of a factor], ...] on the lamp power: linear between, constant beyond",
+        Acts.TIME, neutral=(), later=True,
+    )  # fmt: skip
 
     @model_validator(mode="after")
     def _profile_has_its_parameters(self) -> Lamp:

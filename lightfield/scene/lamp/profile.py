@@ -20,6 +20,8 @@ HALF_PI = 0.5 * math.pi
 GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(24)
 #: Nodes between the angles of a table, where it is linear; turns over a quarter of an oval beam.
 _FEW, OF_OVAL = np.polynomial.legendre.leggauss(6), 512
+#: Nodes of the table by which directions are drawn.
+_NODES = 4096
 
 
 def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLike) -> Array:
@@ -174,32 +176,30 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=64)
-def inverse_cdf_table(lamp: Lamp, nodes: int = 4096) -> tuple[Array, Array]:
+def inverse_cdf_table(lamp: Lamp) -> tuple[Array, Array]:
     """Cumulative beam power within an effective angle, and that angle: invert by interpolation.
 
     Parameters
     ----------
     lamp : Lamp
         Gaussian family, table or isotropic; what is not round is left out, see `sample`.
-    nodes : int
-        Table length.
 
     Returns
     -------
-    u, theta_rad : array, shape (nodes,)
+    u, theta_rad : array, shape (_NODES,)
         Both rising, u from 0 to 1.
     """
     if lamp.profile == "isotropic":
-        whole: NDArray[Any] = np.linspace(0.0, math.pi, nodes)
+        whole: NDArray[Any] = np.linspace(0.0, math.pi, _NODES)
         return np.sin(0.5 * whole) ** 2, whole
     widest = max(math.radians(lamp.hwhm_deg), math.radians(lamp.skirt_hwhm_deg) * (lamp.skirt_fraction > 0))
     if lamp.profile == "table" or lamp.profile_departure:
         widest = HALF_PI
-    core = np.linspace(0.0, min(6.0 * widest, HALF_PI), nodes * 3 // 4)
-    tail = np.linspace(core[-1], HALF_PI, nodes - len(core) + 1)[1:] if core[-1] < HALF_PI else np.empty(0)
+    core = np.linspace(0.0, min(6.0 * widest, HALF_PI), _NODES * 3 // 4)
+    tail = np.linspace(core[-1], HALF_PI, _NODES - len(core) + 1)[1:] if core[-1] < HALF_PI else np.empty(0)
     theta: NDArray[Any] = np.concatenate([core, tail])
     half, middle = 0.5 * np.diff(theta), 0.5 * (theta[1:] + theta[:-1])
-    x, w = np.polynomial.legendre.leggauss(6)
+    x, w = _FEW
     at = middle[:, None] + half[:, None] * x
     power = (radial_intensity(lamp, at * at) * np.sin(at)) @ w * half
     u = np.concatenate([[0.0], np.cumsum(power)])

@@ -26,14 +26,9 @@ class Water(Part):
         "none", '"none", "pure", "table" or the name of a preset', Acts.BASE | COEFFICIENTS, neutral="none"
     )
     absorption_per_m: float = number(
-        0.0,
-        "1/m",
-        "grey absorption, added to the base; below 0 for water clearer than its base",
-        Acts.ABSORPTION,
-        low=-100.0,
-        high=100.0,
-        neutral=0.0,
-    )
+        0.0, "1/m", "grey absorption, added to the base; below 0 for water clearer than its base",
+        Acts.ABSORPTION, low=-100.0, high=100.0, neutral=0.0,
+    )  # fmt: skip
     scattering_per_m: float = number(
         0.0, "1/m", "grey scattering, added to the base", Acts.SCATTERING, low=0.0, high=100.0, neutral=0.0
     )
@@ -46,32 +41,20 @@ class Water(Part):
         0.0, "mg/m^3", "chlorophyll", COEFFICIENTS, low=0.0, high=1000.0, neutral=0.0
     )
     cdom_440_per_m: float = number(
-        0.0,
-        "1/m",
-        "absorption of dissolved organic matter at 440 nm",
-        Acts.ABSORPTION | Acts.COLOUR,
-        low=0.0,
-        high=100.0,
-        neutral=0.0,
-    )
+        0.0, "1/m", "absorption of dissolved organic matter at 440 nm",
+        Acts.ABSORPTION | Acts.COLOUR, low=0.0, high=100.0, neutral=0.0,
+    )  # fmt: skip
     cdom_slope_per_nm: float = number(
-        0.014,
-        "1/nm",
-        "exponential slope of that absorption",
-        Acts.ABSORPTION | Acts.COLOUR,
-        low=0.0,
-        high=0.1,
-    )
+        0.014, "1/nm", "exponential slope of that absorption",
+        Acts.ABSORPTION | Acts.COLOUR, low=0.0, high=0.1,
+    )  # fmt: skip
     sediment_g_per_m3: float = number(
         0.0, "g/m^3", "non-algal particles", COEFFICIENTS, low=0.0, high=1e4, neutral=0.0
     )
     absorption_at: tuple[tuple[Nanometres, Absorption], ...] = declare(
-        (),
-        "[[wavelength_nm, absorption_per_m], ...], added to the base: linear between, constant beyond",
-        Acts.ABSORPTION | Acts.COLOUR,
-        neutral=(),
-        later=True,
-    )
+        (), "[[wavelength_nm, absorption_per_m], ...], added to the base: linear between, constant beyond",
+        Acts.ABSORPTION | Acts.COLOUR, neutral=(), later=True,
+    )  # fmt: skip
     colour_departure: Curve = declare(
         (),
         "[[wavelength_nm, absorption in 1/m], ...] added to all of it, which stays >= 0: linear between, "
@@ -91,68 +74,36 @@ class Water(Part):
         3.25, "m", "z at which the gradient adds nothing", Acts.LAYERS, low=-100.0, high=100.0
     )
     height_gradient_per_m2: float = number(
-        0.0,
-        "1/m^2",
-        "absorption grows by this per metre of y, from nothing at the lamp's height",
-        Acts.LAYERS,
-        low=-1.0,
-        high=1.0,
-        neutral=0.0,
-    )
+        0.0, "1/m^2", "absorption grows by this per metre of y, from nothing at the lamp's height",
+        Acts.LAYERS, low=-1.0, high=1.0, neutral=0.0,
+    )  # fmt: skip
     layer_absorption_per_m: float = number(
-        0.0,
-        "1/m",
-        "extra absorption of a slab across the tank",
-        Acts.LAYERS,
-        low=0.0,
-        high=100.0,
-        neutral=0.0,
-    )
+        0.0, "1/m", "extra absorption of a slab across the tank",
+        Acts.LAYERS, low=0.0, high=100.0, neutral=0.0,
+    )  # fmt: skip
     layer_centre_m: float = number(
-        6.5,
-        "m",
-        "z of the slab's middle; half way in a tank that ends before",
-        Acts.LAYERS,
-        low=0.0,
-        high=1000.0,
-    )
+        6.5, "m", "z of the slab's middle; half way in a tank that ends before",
+        Acts.LAYERS, low=0.0, high=1000.0,
+    )  # fmt: skip
     layer_width_m: float = number(
         1.0, "m", "thickness of the slab along z", Acts.LAYERS, above=0.0, high=1000.0
     )
     absorption_departure: Curve = declare(
-        (),
-        "[[z_m, absorption in 1/m], ...] added along the tank: linear between, constant beyond",
-        Acts.LAYERS,
-        neutral=(),
-        later=True,
-    )
+        (), "[[z_m, absorption in 1/m], ...] added along the tank: linear between, constant beyond",
+        Acts.LAYERS, neutral=(), later=True,
+    )  # fmt: skip
     hardening_per_m: float = number(
-        0.0,
-        "1/m",
-        "q of -ln T = K r - (q r)^2 / 2 (wide band)",
-        Acts.HARDENING,
-        low=0.0,
-        high=10.0,
-        neutral=0.0,
-    )
+        0.0, "1/m", "q of -ln T = K r - (q r)^2 / 2 (wide band)",
+        Acts.HARDENING, low=0.0, high=10.0, neutral=0.0,
+    )  # fmt: skip
     drift_per_m_per_hour: float = number(
-        0.0,
-        "1/(m h)",
-        "absorption grows by this per hour from time 0",
-        Acts.AGEING,
-        low=-10.0,
-        high=10.0,
-        neutral=0.0,
-    )
+        0.0, "1/(m h)", "absorption grows by this per hour from time 0",
+        Acts.AGEING, low=-10.0, high=10.0, neutral=0.0,
+    )  # fmt: skip
     settling_per_m: float = number(
-        0.0,
-        "1/m",
-        "b_s of scattering b_s exp(-t/tau) by particles that settle",
-        Acts.SCATTERING | Acts.AGEING,
-        low=0.0,
-        high=100.0,
-        neutral=0.0,
-    )
+        0.0, "1/m", "b_s of scattering b_s exp(-t/tau) by particles that settle",
+        Acts.SCATTERING | Acts.AGEING, low=0.0, high=100.0, neutral=0.0,
+    )  # fmt: skip
     settling_time_s: float = number(3600.0, "s", "tau of the settling", Acts.AGEING, above=0.0, high=1e7)
     phase: PhaseSpec = declare(HenyeyGreenstein(), "phase function", Acts.PHASE)
 

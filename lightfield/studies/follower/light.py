@@ -11,10 +11,9 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers
-from lightfield.render.flux.traced_field import Region, traced_field
-from lightfield.render.response.response import Reference
+from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm, molecular_share
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import is_round
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.elements import Elements
@@ -23,15 +22,10 @@ from lightfield.studies.follower.frames import POSE, placed, rotations
 #: What the lamp may be tilted towards, which a follower does not know, and the axis of the scene that it is.
 LAMP_TILTS = {"lamp tilt x": "x", "lamp tilt y": "y"}
 #: Step of numerical derivatives, m and rad, and of a logarithm: the light changes over decimetres and
-#: degrees, so
-#: the relative error of a central difference is about (step / length)^2 = 1e-6.
+#: degrees, so the relative error of a central difference is about (step / length)^2 = 1e-6.
 STEP = 1e-4
 #: Relative step of the water's coefficients: their derivatives are smooth.
 WATER_STEP = 1e-2
-#: Water of the trace from which others are weighed, where the scene's own scatters less: below it a trace
-#: is clean
-#: (chosen; the errors of the field say how it went).
-LEAST_TRACED_PER_M = 0.1
 #: Room around the formation space in which a search may look, m (chosen).
 MARGIN_M = 0.3
 
@@ -126,11 +120,7 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
         room = min(-left, right, -low, high)
         across = min(across, step * (np.floor(room / step - 0.5) - 1))
         far = min(far, end - step)
-    at = middles_nm(scene)[0].mean(keepdims=True)
-    (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
-    traced = max(float(b), LEAST_TRACED_PER_M)
-    molecules = molecular_share(scene) * float(b) / traced
-    reference = Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
+    reference = reference_for_others(scene)
     return traced_field(scene, Region(across, near, far), photons=photons, seed=seed, reference=reference)
 
 

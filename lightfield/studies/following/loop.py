@@ -8,13 +8,13 @@ tank).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array, Mask
+from lightfield.progress import tell
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
@@ -87,15 +87,7 @@ class Track:
     contact: Array
 
 
-def run_loop(
-    scene: Scene,
-    light: Light,
-    elements: Elements,
-    *,
-    runs: int,
-    seed: int = 0,
-    report: Callable[[float], None] | None = None,
-) -> Track:
+def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed: int = 0) -> Track:
     """Let followers run a scene's mission.
 
     Parameters
@@ -106,8 +98,6 @@ def run_loop(
         From which the light of the scene's water can be weighed.
     runs : int
         Side by side.
-    report : callable, optional
-        Called with the part that is done.
     """
     array, follower = scene.array, follower_in(scene.follower, scene.tank)
     assert array is not None
@@ -167,8 +157,7 @@ def run_loop(
         current = _current(mission, time)
         for _ in range(steps):
             state.step(vehicle, force, current, seconds / steps, going)
-        if report is not None:
-            report((k + 1) / count)
+        tell("", (k + 1) / count)
     kept["contact"] = list(contact)
     columns: dict[str, Any] = {name: np.array(values) for name, values in kept.items()}
     return Track(**columns)

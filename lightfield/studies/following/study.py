@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import xarray as xr
 
 from lightfield.arrays import Array, finite
 from lightfield.errors import SceneError
-from lightfield.progress import step, tell
+from lightfield.progress import step
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
@@ -230,7 +230,6 @@ def follow(
     seed: int = 0,
     photons: float = 1e7,
     densest: float | None = None,
-    report: Callable[[float], None] | None = None,
 ) -> Following:
     """Let followers run the missions of scenes.
 
@@ -247,8 +246,6 @@ def follow(
         Of a trace, which scenes share that differ in their water alone; zero: only the formula.
     densest : float, 1/m, optional
         Most scattering of all scenes that should share it.
-    report : callable, optional
-        Called with the part that is done.
 
     Raises
     ------
@@ -264,14 +261,8 @@ def follow(
         _check_length(scene, runs)
         with step(2 * k, 2 * len(whole), f"light of {name}"):
             light = light_of_mission(scene, elements, photons=photons, seed=seed, densest=densest)
-
-        def told(part: float, done: int = k) -> None:
-            tell("", part)
-            if report is not None:
-                report((done + part) / len(whole))
-
         with step(2 * k + 1, 2 * len(whole), f"runs of {name}"):
-            track = run_loop(scene, light, elements, runs=runs, seed=seed, report=told)
+            track = run_loop(scene, light, elements, runs=runs, seed=seed)
         mission = follower_in(scene.follower, scene.tank).mission
         cases.append(Followed(name, scene, track, metrics_of(track, mission), bool(photons)))
     return Following(cases)

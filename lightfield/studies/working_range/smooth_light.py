@@ -20,14 +20,14 @@ from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
 from lightfield.formula.scattered.nodes import in_cell
-from lightfield.formula.vector import direct_flux, on_receivers
-from lightfield.render.flux.traced_field import Region, traced_field
+from lightfield.formula.vector import by_place, direct_flux, on_receivers
+from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.render.response.grid import COMPONENTS, Grid
-from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.response import TransportResponse
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm, molecular_share
+from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import beam_axes
-from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
+from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import hardening_depth
 
 #: Terms in distance and in squared tangent, of the excess and of the direction.
@@ -38,10 +38,6 @@ _STEP_M = 0.16
 _HALF_WIDTHS = 1.2
 #: Room for the array beside its own reach, m: derivatives ask next to it.
 _ROOM_M = 0.05
-#: Least scattering to trace in, 1/m, as of the follower's light.
-_LEAST_TRACED_PER_M = 0.1
-#: Step of derivatives, m, as of the follower's light.
-_DIFFERENCE_M = 1e-4
 #: Light and its ratios are at least this, and squared distances, m2: logarithms and quotients stay finite.
 _DARK, _NEAR_M2 = 1e-12, 1e-12
 #: Sets of places whose light is remembered: a pose asks for about ten, in five waters.
@@ -150,9 +146,7 @@ class SmoothLight:
     def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
         """Flux vector of all light, 1/m^2, (n, 3), and its slopes by the place, (n, 3, 3)."""
         place = np.asarray(place_m, float)
-        steps = _DIFFERENCE_M * np.eye(3)
-        slopes = [(self._flux(place + s) - self._flux(place - s)) / (2 * _DIFFERENCE_M) for s in steps]
-        return [(self._flux(place), np.stack(slopes, axis=2))]
+        return [(self._flux(place), by_place(self._flux, place))]
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
         """`reading` and its standard errors: by a jackknife over the batches of the trace, and of light that
@@ -281,12 +275,7 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
         wide = min(wide, min(-left, right, -low, high) - 2.5 * _STEP_M - aside)
     wide = max(wide, reach_m + _ROOM_M)
     region = Region(_STEP_M * np.floor((wide + aside) / _STEP_M), near, end, _STEP_M)
-    at = middles_nm(scene)[0].mean(keepdims=True)
-    (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
-    traced = max(float(b), _LEAST_TRACED_PER_M)
-    molecules = molecular_share(scene) * float(b) / traced
-    reference = Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
-    field = traced_field(scene, region, photons=photons, reference=reference)
+    field = traced_field(scene, region, photons=photons, reference=reference_for_others(scene))
     frame = Frame(near, end, tangent, region.half_width_m - aside)
     cells = _cells(scene, field.grid, field.response, frame)
     return SmoothLight(scene, cells, _Shared(scene, frame))

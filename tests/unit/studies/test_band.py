@@ -15,7 +15,8 @@ from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.spectral.detector_response import SILICON
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.studies.band import CountNoise, as_data, as_text, best_band
+from lightfield.studies.band.study import CountNoise, best_band
+from lightfield.studies.band.text import as_data, as_text
 
 FEW = {"max_photons": 4e5, "rel_error": 1e-3}
 
@@ -129,7 +130,7 @@ def test_numbers_that_make_no_sense(wrong, words) -> None:
 
 
 def test_distances_without_light_are_refused_before_any_trace(monkeypatch) -> None:
-    monkeypatch.setattr("lightfield.studies.band.render_positions", None)
+    monkeypatch.setattr("lightfield.studies.band.study.render_positions", None)
     with pytest.raises(UsageError, match=r"no light is left so far.*found '900 m'.*nearer"):
         best_band(scene(absorption_per_m=0.4), distances_m=[4.5, 900.0])
 

@@ -12,11 +12,13 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import text
 from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.number_block import check_axis, mark_in
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
-SHORTEST_NM, LONGEST_NM = 50.0, 30000.0
+#: Wavelengths that instruments of this maker have.
+WITHIN_NM = (50.0, 30000.0)
 # Other languages have words behind the arrows: ">>>>> Comienza Data<<<<< Espectral Procesado Del EL".
 _MARKER = re.compile(r"\s*>{3,}\s*(.*?)\s*<{3,}\s*(.*?)\s*")
 _BEGINS = re.compile(r"begin|beginn|anfang|start|comienz|inici|debut|iniz")
@@ -124,11 +126,7 @@ def block_numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
     if separator is None and width > 1 and not any(" " in line for _, line in lines):
         separator = ","
     rows = [(number, [c.strip() for c in line.split(separator)]) for number, line in lines]
-    try:
-        mark = text.decimal_mark(cell for _, cells in rows for cell in cells)
-    except ValueError as error:
-        problems.add(f"cannot tell the decimal mark: {error}", remedy="export it again with a decimal point")
-        mark = "."
+    mark = mark_in((cell for _, cells in rows for cell in cells), problems)
     out = np.full((len(rows), width), np.nan)
     for k, (number, cells) in enumerate(rows):
         if len(cells) != width:
@@ -188,13 +186,7 @@ def spectrum(
     _check_axis(wavelength, block, header, problems)
     notes = _check_complete(document, block, table, problems)
     problems.raise_any(f"not a usable {name} file")
-    exposure = float("nan")
-    found = labels.lookup(header, "integration")
-    if found:
-        try:
-            exposure = labels.seconds(*found)
-        except ValueError as error:
-            notes.append(Oddity(Odd.EXPOSURE_UNKNOWN, label=found[0], why=str(error)))
+    exposure, odd = labels.exposure_said(header)
     spectrometer, date = labels.lookup(header, "spectrometer"), labels.lookup(header, "date")
     return Spectrum(
         source=document.where,
@@ -209,7 +201,7 @@ def spectrum(
         date=date[1] if date else "",
         electric_dark_corrected=labels.flag(header, "electric_dark"),
         nonlinearity_corrected=labels.flag(header, "nonlinearity"),
-        notes=tuple(notes),
+        notes=(*notes, *odd),
         **more,
     )
 
@@ -220,23 +212,8 @@ def _check_axis(wavelength: Array, block: MarkedLines, header: dict[str, str], p
         problems.add(
             "the x axis is not wavelength", found=f"{axis[0]}: {axis[1]}", remedy="export wavelengths in nm"
         )
-    if np.isnan(wavelength).any():
-        return  # noted already
-    for k in np.flatnonzero((wavelength < SHORTEST_NM) | (wavelength > LONGEST_NM)).tolist():
-        problems.add(
-            "impossible wavelength",
-            place=block.lines[k][0],
-            found=wavelength[k].item(),
-            rule=f"{SHORTEST_NM:g}-{LONGEST_NM:g} nm",
-            remedy="export wavelengths in nm",
-        )
-    for k in np.flatnonzero(np.diff(wavelength) <= 0).tolist():
-        problems.add(
-            "the wavelength does not increase",
-            place=block.lines[k + 1][0],
-            found=wavelength[k + 1].item(),
-            remedy="export it again",
-        )
+    if not np.isnan(wavelength).any():  # else noted already
+        check_axis(wavelength, [number for number, _ in block.lines], problems, WITHIN_NM)
 
 
 def _check_complete(document: Document, block: MarkedLines, table: Array, problems: Problems) -> list[Oddity]:

@@ -14,7 +14,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings import text
-from lightfield.readings.instruments.columns import check_axis
+from lightfield.readings.instruments.number_block import check_axis
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems

@@ -24,7 +24,7 @@ from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
-from lightfield.diagnosis.verdict.found.so_far import SoFar
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.least_squares import Fit
 

@@ -10,7 +10,7 @@ from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.verdict.found import averaged
+from lightfield.diagnosis.verdict.best_set import averaged
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings

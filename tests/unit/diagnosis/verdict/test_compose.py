@@ -23,9 +23,9 @@ from lightfield.diagnosis.search.preparation import Prepared, bench
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.compose import Found, kind_of, verdict_of
 from lightfield.diagnosis.verdict.estimates import estimates
-from lightfield.diagnosis.verdict.found import left
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, LeftOver, Reason
+from lightfield.diagnosis.verdict.rest import left_over
 from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.trust import Trust
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -216,7 +216,7 @@ def test_a_rest_beside_a_dark_model_has_no_error_and_only_readings_over_light(ca
         values={}, model=SimpleNamespace(parameters=(), forward=SimpleNamespace(predict=lambda values: model))
     )
     with np.errstate(divide="raise", invalid="raise", over="ignore"):
-        along, over = left._read(case.problem, case.table, cast(Any, fit), "dip_in_x")
+        along, over = left_over._read(case.problem, case.table, cast(Any, fit), "dip_in_x")
     assert len(along) == len(over) == int((lit & (model > 0)).sum()) < int(lit.sum())
 
 

@@ -10,7 +10,7 @@ import pytest
 from lightfield import cli
 from lightfield.diagnosis import course
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.diagnosis.verdict.found.so_far import SoFar
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.readings import read_table
 from lightfield.scene import Scene
 

@@ -10,7 +10,7 @@ from toy_problem import Linear, Toy, candidate, layout
 
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import under_own_errors
-from lightfield.diagnosis.verdict.found.uncertain_light import in_uncertain_light
+from lightfield.diagnosis.verdict.best_set.uncertain_light import in_uncertain_light
 
 #: Size of the effect over its error by the readings, and the photons' errors of its light over theirs.
 TOLD, PHOTONS = 4.0, 0.4

@@ -13,8 +13,8 @@ from toy_problem import Toy, candidate, layout, waves
 from lightfield.diagnosis.search.pool.nodes import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.verdict.found import unnamed
-from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
+from lightfield.diagnosis.verdict.best_set import unnamed
+from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.diagnosis.verdict.words.effects import unnamed_sentences
 

@@ -19,9 +19,9 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.found.left import Local, without_it
 from lightfield.diagnosis.verdict.next_measurement import REPEATS, NextMeasurement, repeat
 from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, PlaceToRead
+from lightfield.diagnosis.verdict.rest.left_over import Local, without_it
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter, Model

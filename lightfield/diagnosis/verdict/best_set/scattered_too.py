@@ -23,7 +23,7 @@ from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.own_errors import objective, under_own_errors
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA, Limit
-from lightfield.diagnosis.verdict.found.uncertain_light import in_uncertain_light
+from lightfield.diagnosis.verdict.best_set.uncertain_light import in_uncertain_light
 from lightfield.fitting.least_squares import Fit
 
 _PATH = "water.scattering_per_m"

@@ -18,8 +18,8 @@ from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
-from lightfield.diagnosis.verdict.found.averaged import largest, with_an_effect_more, with_others
-from lightfield.diagnosis.verdict.found.scattered_too import WithScattering
+from lightfield.diagnosis.verdict.best_set.averaged import largest, with_an_effect_more, with_others
+from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import is_gain

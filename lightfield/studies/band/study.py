@@ -24,8 +24,8 @@ from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
 from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
-from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
-from lightfield.studies.band_integrals import responsivity, shares_of
+from lightfield.scene.water.coefficients import is_grey, scattering_per_m
+from lightfield.studies.band.integrals import responsivity, shares_of
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
 
 #: The paper's band, nm.
@@ -320,80 +320,3 @@ def _best(bands: xr.Dataset, width: float) -> list[BestBand]:
             low = float(row.low_nm.values[best])
             found.append(BestBand(float(z), name, low, low + width, share, stderr))
     return found
-
-
-def as_text(found: Bands) -> str:
-    """The answer for people."""
-    low, high = found.flat_nm()
-    lines = [headline(found), ""]
-    for row in rows(found):
-        lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} 500 to 550 nm has {row[3]}")
-    lines.append(water_sentence(found))
-    if not found.is_grey:
-        lines.append(
-            f"attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm"
-        )
-    return "\n".join(lines)
-
-
-def headline(found: Bands) -> str:
-    """One sentence: where the paper's band stands; or that the water has no say in it."""
-    if found.is_grey:
-        return (
-            "The scene's water is the same at all wavelengths, so this says nothing of the water: what "
-            "differs between bands is the lamp and the detector alone. State its spectrum in [water]: "
-            'base = "pure" or a preset, absorption_at, or chlorophyll, CDOM and sediment.'
-        )
-    far = [b for b in found.best if b.z_m == found.best[-1].z_m]
-    signal = next(b for b in far if b.criterion == "signal")
-    wide = "" if found.width_nm == PAPER_BAND[1] - PAPER_BAND[0] else " (50 nm wide)"
-    return (
-        f"In the scene's water 500 to 550 nm{wide} has {100 * signal.paper_share:.0f} % of the best signal "
-        f"of any band {found.width_nm:g} nm wide at {signal.z_m:g} m; the best is {signal.low_nm:g} to "
-        f"{signal.high_nm:g} nm."
-    )
-
-
-def water_sentence(found: Bands) -> str:
-    """Whose water this is: that of the scene file, whatever readings may say."""
-    water, at = found.scene.water, [np.mean(PAPER_BAND)]
-    a, b = (float(f(water, np.array(at))[0]) for f in (absorption_per_m, scattering_per_m))
-    inside = {
-        "chlorophyll": water.chlorophyll_mg_per_m3,
-        "CDOM": water.cdom_440_per_m,
-        "sediment": water.sediment_g_per_m3,
-    }
-    held = ", ".join(f"{name} {value:g}" for name, value in inside.items() if value) or "nothing in it"
-    return (
-        f"The water is the one that the scene states ({water.base}, {held}; at {at[0]:g} nm a = {a:.3g} and "
-        f"b = {b:.3g} per m), not the one that readings show: where `attenuation` finds another, write that "
-        "into the scene and ask again."
-    )
-
-
-def rows(found: Bands) -> list[list[str]]:
-    """Distance, criterion, best band, what the paper's band has of the best, as text."""
-    return [
-        [
-            f"{b.z_m:g} m",
-            CRITERIA[b.criterion],
-            f"{b.low_nm:g}–{b.high_nm:g} nm",
-            f"{100 * b.paper_share:.0f} ± {max(100 * b.paper_share_stderr, 0.1):.1f} %",
-        ]
-        for b in found.best
-        if not (found.is_grey and b.criterion == "attenuation")  # all bands alike
-    ]
-
-
-def as_data(found: Bands) -> dict[str, Any]:
-    """The answer for programs."""
-    return {
-        "best": [vars(b) for b in found.best],
-        "grey_water": found.is_grey,
-        "width_nm": found.width_nm,
-        "flat_nm": list(found.flat_nm()),
-        **{
-            part: {str(k): v.values.tolist() for k, v in {**data.coords, **data.data_vars}.items()}
-            for part, data in (("spectrum", found.spectrum), ("bands", found.bands))
-        },
-    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -164,14 +164,19 @@ def _table(
                 remedy="export it again",
             )
     names, units, above = _names(rows, first, width)
-    try:
-        mark = text.decimal_mark(cell for _, cells in body for cell in cells if _is_number(cell))
-    except ValueError as error:
-        problems.add(f"cannot tell the decimal mark: {error}", remedy="export it again with a decimal point")
-        mark = "."
+    mark = mark_in((cell for _, cells in body for cell in cells if _is_number(cell)), problems)
     return NumberBlock(
         tuple(lines[:above]), names, units, tuple(k for k, _ in body), [cells for _, cells in body], mark
     )
+
+
+def mark_in(cells: Iterable[str], problems: Problems) -> str:
+    """The decimal mark of numbers; a point where it cannot be told, which goes to `problems`."""
+    try:
+        return text.decimal_mark(cells)
+    except ValueError as error:
+        problems.add(f"cannot tell the decimal mark: {error}", remedy="export it again with a decimal point")
+        return "."
 
 
 def _names(
@@ -219,14 +224,20 @@ def header_of(head: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def check_axis(wavelength_nm: Array, lines: Sequence[int], problems: Problems) -> None:
+def check_axis(
+    wavelength_nm: Array,
+    lines: Sequence[int],
+    problems: Problems,
+    within_nm: tuple[float, float] = (SHORTEST_NM, LONGEST_NM),
+) -> None:
     """Wavelengths that can be, and increase; what is wrong goes to `problems`."""
-    for k in np.flatnonzero(~((wavelength_nm >= SHORTEST_NM) & (wavelength_nm <= LONGEST_NM))).tolist():
+    low, high = within_nm
+    for k in np.flatnonzero(~((wavelength_nm >= low) & (wavelength_nm <= high))).tolist():
         problems.add(
             "impossible wavelength",
             place=lines[k] if k < len(lines) else None,
             found=wavelength_nm[k].item(),
-            rule=f"{SHORTEST_NM:g}-{LONGEST_NM:g} nm",
+            rule=f"{low:g}-{high:g} nm",
             remedy="export wavelengths in nm, or say which column they are in",
         )
     with np.errstate(invalid="ignore"):

@@ -1,0 +1,1 @@
+"""Which band of wavelengths serves best, for a lamp, a water and a detector."""
