@@ -14,9 +14,11 @@ right and y upwards. In memory (`SpectralImage`) rows run with growing y, like t
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenEXR
@@ -31,6 +33,7 @@ LAYOUT_VERSION = "1.0"
 ERROR_LAYER, COMMON_LAYER = "stderr.", "common."
 OURS = "lightfield."
 ORIENTATION = "seen from behind the plane towards the lamp (-z): first row is +y, columns run with +x"
+_CHANNEL = re.compile(r"^(stderr\.)?S0\.(\d+(?:,\d+)?)nm$")
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,59 @@ def write_spectral_exr(path: str | os.PathLike[str], image: SpectralImage) -> Pa
         if image.stderr is not None:
             channels[ERROR_LAYER + name] = _to_file(image.stderr[index])
     return _written({**_header(image), OURS + "preview_scale": np.array([scale])}, channels, Path(path))
+
+
+def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
+    """Read a spectral image; channels are sorted by their number, for EXR keeps them in alphabetical order.
+
+    Raises
+    ------
+    OutputError
+        Not an EXR file, or not in the spectral layout.
+    """
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            header = dict(file.header())
+            pixels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
+    except (RuntimeError, OSError, ValueError) as error:
+        raise OutputError(
+            "cannot read this as an EXR image",
+            where=str(path),
+            found=str(error),
+            remedy="give a file written by lightfield",
+        ) from error
+    value: dict[float, NDArray[np.float64]] = {}
+    stderr: dict[float, NDArray[np.float64]] = {}
+    for name, channel in pixels.items():
+        match = _CHANNEL.match(name)
+        if match:
+            wavelength = float(match[2].replace(",", "."))
+            (stderr if match[1] else value)[wavelength] = channel[::-1].astype(float)
+    if not value or "spectralLayoutVersion" not in header:
+        raise OutputError(
+            "not a spectral image",
+            where=str(path),
+            found=sorted(pixels)[:6],
+            rule="channels S0.<centre>nm and spectralLayoutVersion",
+        )
+    wavelengths = np.array(sorted(value))
+    n_y, n_x = next(iter(value.values())).shape
+    first = np.asarray(header.get(OURS + "first_pixel_m", (0.0, n_y - 1.0)), dtype=float)
+    size = np.asarray(header.get(OURS + "pixel_size_m", (1.0, 1.0)), dtype=float)
+    return SpectralImage(
+        wavelength_nm=wavelengths,
+        value=np.stack([value[w] for w in wavelengths]),
+        stderr=np.stack([stderr[w] for w in wavelengths]) if set(stderr) == set(value) else None,
+        x_m=first[0] + size[0] * np.arange(n_x),
+        y_m=first[1] - size[1] * np.arange(n_y)[::-1],
+        z_m=float(np.ravel(header.get(OURS + "plane_z_m", np.nan))[0]),
+        units=str(header.get("emissiveUnits", "")),
+        response={
+            w: _response(str(header[channel_name(w)])) for w in wavelengths if channel_name(w) in header
+        },
+        attributes=_attributes(header),
+        common_scale=float(header[OURS + "common_scale"][0]) if OURS + "common_scale" in header else None,
+    )
 
 
 def write_layers_exr(
@@ -171,6 +227,22 @@ def _ours(attributes: Mapping[str, Attribute]) -> dict[str, object]:
             np.array([attribute]) if isinstance(attribute, float) else attribute if small else str(attribute)
         )
     return header
+
+
+def _attributes(header: Mapping[str, Any]) -> dict[str, Attribute]:
+    own = {"plane_z_m", "pixel_size_m", "first_pixel_m", "orientation", "preview_scale", "common_scale"}
+    found: dict[str, Attribute] = {}
+    for key, attribute in header.items():
+        name = key.removeprefix(OURS)
+        if key.startswith(OURS) and name not in own:
+            number = isinstance(attribute, np.ndarray)
+            found[name] = float(attribute[0]) if number else attribute
+    return found
+
+
+def _response(text: str) -> tuple[list[float], list[float]]:
+    pairs = [part.split("nm:") for part in text.split(";") if part]
+    return [float(w) for w, _ in pairs], [float(r) for _, r in pairs]
 
 
 def _check(path: str | os.PathLike[str], image: SpectralImage) -> None:

@@ -10,10 +10,10 @@ import re
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from spectral_images import read_spectral_exr
 
 from lightfield.cli import main
 from lightfield.maps.dataset import read_netcdf
+from lightfield.maps.exr import read_spectral_exr
 from lightfield.render.backend import use_backend
 from lightfield.render.picture import take_picture
 from lightfield.render.shown_as import Shown, ShownAs

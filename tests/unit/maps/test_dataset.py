@@ -7,7 +7,6 @@ import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
-from spectral_images import read_spectral_exr
 
 from lightfield.errors import OutputError
 from lightfield.maps.dataset import (
@@ -19,6 +18,7 @@ from lightfield.maps.dataset import (
     write_exr_planes,
     write_netcdf,
 )
+from lightfield.maps.exr import read_spectral_exr
 from lightfield.scene import Scene
 
 

@@ -11,7 +11,6 @@ import sys
 import numpy as np
 import OpenEXR
 import pytest
-from spectral_images import read_spectral_exr
 
 from lightfield.errors import OutputError
 from lightfield.maps.colour import colour_matching
@@ -19,6 +18,7 @@ from lightfield.maps.dataset import to_dataset, write_exr_planes
 from lightfield.maps.exr import (
     SpectralImage,
     channel_name,
+    read_spectral_exr,
     write_rgb_exr,
     write_spectral_exr,
 )
@@ -55,7 +55,7 @@ def test_channel_names_have_a_decimal_comma_and_six_decimals():
     assert channel_name(95.5) == "S0.95,500000nm"
 
 
-def test_a_reader_by_the_layout_returns_what_was_written(file, image):
+def test_own_reader_returns_what_was_written(file, image):
     back = read_spectral_exr(file)
     np.testing.assert_array_equal(back.wavelength_nm, WAVELENGTHS)
     np.testing.assert_array_equal(back.value, image.value.astype(np.float32))
@@ -136,6 +136,21 @@ def test_unknown_error_stays_infinite_and_unknown_value_is_refused(tmp_path, ima
     with pytest.raises(OutputError, match=r"b\.exr: value has 1 values"):
         write_spectral_exr(tmp_path / "b.exr", SpectralImage(WAVELENGTHS, broken, None, X, Y, 1.0))
     assert [p.name for p in tmp_path.iterdir()] == ["a.exr"], "nothing half-written stays"
+
+
+@pytest.mark.parametrize("content", [b"", b"not an image", bytes.fromhex("762f3101") + bytes(40)])
+def test_a_broken_file_is_one_clear_error(tmp_path, content):
+    path = tmp_path / "broken.exr"
+    path.write_bytes(content)
+    with pytest.raises(OutputError, match=r"broken\.exr: cannot read this as an EXR image"):
+        read_spectral_exr(path)
+
+
+def test_an_ordinary_exr_is_not_taken_for_a_spectral_one(tmp_path):
+    path = tmp_path / "rgb.exr"
+    OpenEXR.File({}, {"RGB": np.zeros((2, 2, 3), "f")}).write(str(path))
+    with pytest.raises(OutputError, match="not a spectral image"):
+        read_spectral_exr(path)
 
 
 def test_repeated_wavelength_and_wrong_shape_are_refused(tmp_path):

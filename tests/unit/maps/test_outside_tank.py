@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
-from spectral_images import read_spectral_exr
 
 from lightfield.errors import OutputError, UsageError
 from lightfield.maps.dataset import plane_image, to_dataset
-from lightfield.maps.exr import SpectralImage, write_spectral_exr
+from lightfield.maps.exr import SpectralImage, read_spectral_exr, write_spectral_exr
 from lightfield.maps.spot import Unmeasured, spot_shape
 from lightfield.render.response.grid import scene_grid
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
