@@ -112,7 +112,7 @@ def _run(trial: Trial, folder: Path) -> Row:
     table = table_of(bench, trial.order, rng)
     scene = scene_of(truth)
     believed = believed_scene(true_scene(bench, truth.beam), rng)
-    light, light_error = light_of(truth, folder)
+    light, light_error = light_of(truth, folder, table)
     n = len(table)
     factor = np.ones(n)
     drawn: dict[str, float] = {}

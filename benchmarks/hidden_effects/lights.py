@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.hidden_effects.benches import bench_named, number_of, table_of, true_scene, with_held_out
+from benchmarks.hidden_effects.benches import bench_named, number_of, true_scene, with_held_out
 from benchmarks.hidden_effects.catalogue import Truth
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS
 from lightfield.scene.all_parameters import paths_on
+from lightfield.scene.water.ageing import ages
 from lightfield.storage.files import atomic_path
 
 #: The error of the light is at most half the least noise of the readings, 0.4 %, and stated with it.
@@ -30,18 +32,25 @@ def scene_of(truth: Truth) -> Scene:
     return true_scene(bench_named(truth.bench), truth.beam).with_values(dict(truth.values))
 
 
-def _file(truth: Truth, folder: Path) -> Path:
-    told = json.dumps([truth.bench, lit_scene(truth).digest(), PHOTONS, REL_ERROR])
+def _file(truth: Truth, folder: Path, hours: list[float]) -> Path:
+    told = json.dumps([truth.bench, lit_scene(truth).digest(), PHOTONS, REL_ERROR, *hours])
     return folder / "light" / f"{hashlib.sha256(told.encode()).hexdigest()[:20]}.npz"
 
 
-def light_of(truth: Truth, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+def light_of(truth: Truth, folder: Path, table: Readings) -> tuple[np.ndarray, np.ndarray]:
     """Light at the readings and then the held-out places, and its Monte Carlo error, shape (n + m,).
 
-    For unit on-axis intensity; rendered now unless it was before, at these very places.
+    For unit on-axis intensity; rendered now unless it was before, at these very places, and where the water
+    changes in time at these very times.
+
+    Parameters
+    ----------
+    table : Readings
+        Places and times.
     """
-    path, bench = _file(truth, folder), bench_named(truth.bench)
-    readings = with_held_out(bench, table_of(bench, "plane", np.random.default_rng(0)))
+    ageing = ages(lit_scene(truth).water)
+    path = _file(truth, folder, (np.asarray(table.time_s) / 3600).tolist() if ageing else [])
+    readings = with_held_out(bench_named(truth.bench), table)
     places = np.stack([readings.x_m, readings.y_m, readings.z_m])
     if path.exists():
         with np.load(path) as stored:

@@ -57,7 +57,7 @@ def _run(trial: Trial, folder: Path) -> Row:
     factor: Array | float = 1.0
     if truth.unknown:
         factor, _ = unknowns.draw(truth.unknown, layout_of(table), rng)
-    value, error = light_of(truth, folder)
+    value, error = light_of(truth, folder, table)
     light, n = LightAtReadings(value[: len(table)], error[: len(table)]), len(table)
     scene = scene_of(truth)
     readings, clean = measure(scene, table, light, instrument, rng, factor)
