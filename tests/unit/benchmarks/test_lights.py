@@ -1,4 +1,4 @@
-"""Renders of the benchmarks: each at the places, and where it counts at the times, of the readings it is for."""
+"""Renders of the benchmarks: at the places, and where it counts at the times, of the readings they are for."""
 
 from __future__ import annotations
 
