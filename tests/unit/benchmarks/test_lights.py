@@ -1,4 +1,4 @@
-"""Renders of the benchmarks: at the places, and where it counts at the times, of the readings they are for."""
+"""Renders of the benchmarks: at the places, and where it counts at the times, of their readings."""
 
 from __future__ import annotations
 
