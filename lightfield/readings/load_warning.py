@@ -36,6 +36,7 @@ class Remarks(str, Enum):
     UNIT_TAKEN = "unit_taken"
     TIME_FROM_HEADER = "time_from_header"
     NO_DARK = "no_dark"
+    LIT_DARK = "lit_dark"
     DARK_IN_PROGRAM = "dark_in_program"
     FLAT_TOP = "flat_top"
     NONLINEARITY = "nonlinearity"
@@ -166,6 +167,7 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.IGNORED_COLUMNS: "columns that are not used: {columns}",
     Remarks.UNIT_TAKEN: "the column {column!r} does not say its unit: {meaning} is taken to be in {unit}",
     Remarks.TIME_FROM_HEADER: "times are taken from the dates in the files, from {start}",
+    Remarks.LIT_DARK: "darks that show the lamp's spectrum, up to {percent:.0f} % of that of {lit}: {files}",
     Remarks.NO_DARK: "no dark spectrum for {files}: the dark signal is still in these readings",
     Remarks.DARK_IN_PROGRAM: "the program held a dark spectrum: it may have been subtracted already",
     Remarks.FLAT_TOP: _flat_top,
@@ -195,6 +197,7 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.IGNORED_COLUMNS: "say what one of them is, if it matters: --column MEANING=NAME",
     Remarks.UNIT_TAKEN: "if that is wrong, write the unit in brackets behind the name of the column",
     Remarks.TIME_FROM_HEADER: "give time_s in the index if the instrument's clock was wrong",
+    Remarks.LIT_DARK: "correct the roles in the index, or take the dark with the lamp covered",
     Remarks.NO_DARK: "add files with the role dark, at the same exposure",
     Remarks.DARK_IN_PROGRAM: "make sure that the files hold raw counts (scope mode without dark subtraction)",
     Remarks.FLAT_TOP: "shorten the exposure; state the full scale",

@@ -63,6 +63,11 @@ def _common(headers: Sequence[Mapping[str, str]]) -> dict[str, str]:
     return {label: text for label, text in first.items() if all(other.get(label) == text for other in others)}
 
 
+#: The lamp is seen in a dark whose spectrum is correlated so much with that of the light, and is this part of
+#: the brightest or more. Chosen: dark signal slopes by a percent of a bright spectrum, in any direction.
+_ALIKE, _SEEN = 0.9, 0.05
+
+
 def doubts_of_files(
     sequence: Sequence[Shot], darks: Sequence[Shot], unit: str, flat: Mapping[str, float]
 ) -> list[LoadWarning]:
@@ -80,6 +85,7 @@ def doubts_of_files(
             for s in sequence
         ):
             found.append(LoadWarning(Remarks.DARK_IN_PROGRAM))
+        found += _lit_darks(sequence, darks)
     if flat:
         levels = tuple(sorted(set(flat.values())))
         found.append(LoadWarning(Remarks.FLAT_TOP, {"levels": levels, "files": tuple(sorted(flat))}))
@@ -110,6 +116,29 @@ def doubts_of_files(
         for note, files in odd.items()
     ]
     return found
+
+
+def _lit_darks(sequence: Sequence[Shot], darks: Sequence[Shot]) -> list[LoadWarning]:
+    """Darks in which the lamp is seen: their spectra go up and down with the light of the brightest one."""
+    share: dict[str, float] = {}
+    lit = max(sequence, key=lambda s: float(np.nanmax(s.spectrum.raw)), default=None)
+    for dark in darks:
+        if lit is None or not np.array_equal(dark.spectrum.wavelength_nm, lit.spectrum.wavelength_nm):
+            continue
+        own, light = (s.spectrum.raw - np.nanmean(s.spectrum.raw) for s in (dark, lit))
+        light = light - own
+        both = np.isfinite(own) & np.isfinite(light)
+        own, light = own[both], light[both]
+        size, alike = float(light @ light), float(own @ light)
+        if alike**2 > _ALIKE**2 * size * float(own @ own) and size + alike != 0:
+            share[dark.entry.called] = alike / (size + alike)
+    share = {name: part for name, part in share.items() if part > _SEEN}
+    if lit is None or not share:
+        return []
+    values: dict[str, Value] = {
+        "percent": 100 * max(share.values()), "lit": lit.entry.called, "files": tuple(sorted(share))
+    }  # fmt: skip
+    return [LoadWarning(Remarks.LIT_DARK, values)]
 
 
 def single_spectra(n_spectra: Sequence[str], stderr: Sequence[float]) -> LoadWarning | None:

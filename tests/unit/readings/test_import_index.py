@@ -79,6 +79,16 @@ def test_darks_taken_together_are_averaged_and_their_scatter_is_in_the_error(cam
     assert readings.stderr == pytest.approx([np.hypot(of_darks, 4.0) / 0.05], rel=1e-6)
 
 
+@pytest.mark.parametrize(("part", "told"), [(0.0, False), (0.02, False), (0.25, True), (1.5, True)])
+def test_a_dark_that_shows_the_lamp_is_warned_of(campaign, part, told):
+    """One spectrum taken for dark by mistake, or with the lamp not covered."""
+    lamp = np.exp(-(((WAVELENGTH - 530) / 40) ** 2))
+    for name, light in (("lit", 1.0), ("other", part)):
+        oceanview(campaign / f"{name}.txt", DARK + 3000 * light * lamp, 0.05)
+    readings = run(campaign, ["lit.txt,4.5,0,0,signal", "other.txt,,,1,dark"])
+    assert ("lit_dark" in codes(readings)) == told
+
+
 def test_darks_without_times_are_averaged(campaign):
     oceanview(campaign / "late.txt", DARK * 1.05 + 500, 0.05)
     readings = run(campaign, ["a.txt,4.5,0,,signal", "dark_a.txt,,,,dark", "late.txt,,,0,dark"])
