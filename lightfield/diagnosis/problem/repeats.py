@@ -106,8 +106,8 @@ def plane_gain_error(repeats: Repeats, assumed: float) -> float:
     """Relative gain error of a visit beyond the stated errors of the readings.
 
     The variance at which the deviations have their expected chi-square (Paule and Mandel 1982,
-    doi:10.6028/jres.087.022), once a change of the lamp in time is taken out, which is an effect, not an
-    error: a straight line, and a warm-up where visits are many.
+    doi:10.6028/jres.087.022), once changes of lamp and water in time are taken out, which are effects, not
+    errors: a straight line at each place, and a warm-up of all where visits are many.
 
     Parameters
     ----------
@@ -143,9 +143,11 @@ def _without_trend(repeats: Repeats) -> list[tuple[Array, Array]]:
     trends: list[list[Array]] = [[]]
     if np.isfinite(time).all() and np.ptp(time) > 0:
         part = (time - time.min()) / np.ptp(time)
-        trends = [[part]]
+        # Water that changes dims far places more than near ones.
+        lines = [column * part for column in columns]
+        trends = [lines]
         if repeats.visits >= _WARMING_VISITS:
-            trends = [[part, np.exp(-part / one)] for one in _WARMING_TIMES]
+            trends = [[*lines, np.exp(-part / one)] for one in _WARMING_TIMES]
     out = []
     for trend in trends:
         tangent = np.stack([*columns, *trend], axis=1)

@@ -55,6 +55,21 @@ def test_a_drift_of_the_lamp_is_not_called_repositioning() -> None:
     assert np.median(found) < 0.0015
 
 
+def test_water_that_drifts_is_not_called_repositioning() -> None:
+    """A near and a far reference, of which the far one falls by 10 % and the near one by 3 %."""
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        near, part = np.arange(12) % 2 == 0, np.linspace(0, 1, 12)
+        true = np.where(near, 1.0, 0.2) * np.exp(-np.where(near, 0.03, 0.10) * part)
+        table = Readings.from_arrays(
+            z_m=np.where(near, 1.5, 5.0), value=true * (1 + 0.001 * rng.standard_normal(12)),
+            stderr=0.001 * true, time_s=600 * np.arange(12), role=np.full(12, "reference"),
+        )  # fmt: skip
+        found.append(estimate(table))
+    assert np.median(found) < 0.0015
+
+
 @pytest.mark.parametrize("drift", [0.0, 0.1])
 def test_three_visits_tell_a_drift_from_repositioning(drift: float) -> None:
     """At start, in the middle and at the end, as one is advised to: 10 % in a straight line is the lamp."""
