@@ -128,6 +128,12 @@ class Outcome:
 
 def course(inquiry: Inquiry, progress: Progress) -> Outcome:
     """Search, settle, judge."""
+    # Light that grows beyond all numbers is a model that misses the readings, and no fault.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _course(inquiry, progress)
+
+
+def _course(inquiry: Inquiry, progress: Progress) -> Outcome:
     known = _searched(inquiry, progress)
     progress("rivals of every effect")
     known = known.now(known.prepared, levelled(known.data, known.prepared, known.finding, inquiry.alpha))

@@ -185,6 +185,10 @@ class _Search:
     def _derivatives(self, x: Array) -> Array:
         self.best = self._at(x)
         self.slopes = self.differentiate(self.best)
+        if not np.isfinite((self.slopes * self.room) ** 2).all():  # light grows beyond all numbers here
+            self.slopes = np.zeros(self.slopes.shape)
+            self.little_gained = True
+            raise _Ended
         below, above = self._drawn_out(_AT)
         free = self.slopes[:, self.moving & ~below & ~above]
         gain = self.best.residual @ free @ _newton(free, self.best.residual)

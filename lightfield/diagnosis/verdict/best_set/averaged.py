@@ -22,18 +22,22 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
+from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.search.truncation import slope_errors
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import is_gain
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import acts_on
 
 #: How much an effect that is not named weighs before the readings are looked at, and the spread of its sizes
 #: in typical ones. Chosen: in 260 campaigns by other formulas, each with nought to six of nine effects, 95 %
 #: of the attenuations are within two errors with them, and 86 % without.
 _ODDS, _SPREAD = 0.2, 3.0
-#: An effect of which the others leave no more than this part is one of them by another name: a beam's width
-#: is that which a receiver of its own acceptance sees. Chosen: two drifts leave a tenth of each other.
+#: Of an effect of which the others leave no more than this part the readings say nothing: it has its typical
+#: size. One of the receiver is one of them by another name: a beam's width is that which a receiver with an
+#: acceptance sees. Chosen: two drifts leave a tenth of each other.
 _ABSORBED = 0.05
 #: Readings without noise: their scatter, in units of their errors, is taken for no less.
 _LEAST_NOISE = 1e-6
@@ -74,12 +78,17 @@ def _extras(explanation: Explanation, fit: Fit, adequacy: Adequacy) -> list[Scor
         joins = all(candidate.effect.combines_with(c.effect) for c in explanation)
         # What the scene states is believed, and what it would be else is told beside it.
         believed = candidate.is_stated or candidate.effect.is_free_form
-        if not score.testable or believed or not joins:
+        if believed or not joins or not (score.testable or _ages(candidate)):
             continue
         gain = float(np.linalg.norm(score.direction.T @ fit.residual) ** 2)
         if candidate.key not in best or gain > best[candidate.key][0]:
             best[candidate.key] = gain, score
     return [score for _, score in best.values()]
+
+
+def _ages(candidate: Candidate) -> bool:
+    """Does it grow with time? In a scan plane by plane the water absorbs what it does."""
+    return all(acts_on(p.path) & (Acts.TIME | Acts.AGEING) for p in candidate.amplitudes)
 
 
 def _moved(fit: Fit, phi: float, free: NDArray[np.intp], score: Score) -> tuple[float, Array, Array]:
@@ -88,10 +97,11 @@ def _moved(fit: Fit, phi: float, free: NDArray[np.intp], score: Score) -> tuple[
     # What of the others goes with its amplitudes, and what is left of their columns beside the others.
     along, *_ = np.linalg.lstsq(jacobian, columns, rcond=None)
     left = columns - jacobian @ along
-    if np.linalg.norm(left) < _ABSORBED * np.linalg.norm(columns):
+    absorbed = np.linalg.norm(left) < _ABSORBED * np.linalg.norm(columns)
+    if absorbed and candidate.effect.direct_only:
         return 0.0, np.zeros(len(free)), np.zeros(len(free))
     information, towards = left.T @ left / phi, left.T @ fit.residual / phi
-    typical = (_SPREAD * np.array(candidate.typical)) ** 2
+    typical = ((1.0 if absorbed else _SPREAD) * np.array(candidate.typical)) ** 2
     covariance = np.linalg.inv(np.diag(1 / typical) + information)
     amplitude = covariance @ towards
     favour = 0.5 * float(towards @ amplitude)

@@ -104,3 +104,20 @@ def test_absorption_beside_a_drift_that_is_too_small_to_be_named() -> None:
         own.append(abs(fitted.value - 0.12) / fitted.stderr)
     assert np.sum(np.array(own) < 3) <= 6
     assert np.sum(np.array(off) < 3) == 12 and np.sum(np.array(off) < 2) >= 8
+
+
+def test_absorption_read_from_near_to_far_knows_that_the_lamp_may_drift() -> None:
+    """Time is distance there: nothing tells a drift of the lamp from water; errors have its typical size."""
+    table = campaign(3, 0.0, 0.0)
+    far = np.hypot(table.x_m, table.z_m)
+    table, scene = (
+        replace(table, time_s=3600 * far / far.max() + np.arange(len(far)) / 100),
+        Scene.from_dict(SCENE),
+    )
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert verdict.best_set == []
+    found = verdict.ladder[-1].parameters["water.absorption_per_m"]
+    fitted = fit_readings(table, scene, []).estimates["water.absorption_per_m"]
+    assert found.stderr > 1.5 * fitted.stderr
+    # A drift of one per cent in the hour would change it by 0.01 / far.max().
+    assert found.stderr > 0.2 * 0.01 / far.max()

@@ -12,6 +12,8 @@ from benchmarks.garbage.judge import page
 from benchmarks.garbage.tables import ERRORS, KINDS, Table, believed, tables
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.readings import Readings
+from lightfield.scene import Scene
 
 #: Tables that were once called "identified" or "none".
 MISTAKEN = (
@@ -90,6 +92,27 @@ def test_readings_in_few_steps_say_nothing(levels: int, kind: str) -> None:
         assert verdict.effects == ["background"]
     else:
         assert verdict.found == [] and len(verdict.ladder) == 1 and "come in steps" in verdict.headline
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_places_across_in_centimetres_are_no_crash() -> None:
+    """A gradient that is tried a hundred metres aside lets the light grow beyond all numbers."""
+    x, y, z = np.meshgrid(np.linspace(-1.2, 1.2, 9), [-1.05, 0.0, 1.05], [1.0, 2.0, 4.0, 6.0], indexing="ij")
+    x, y, z = x.ravel(), y.ravel(), z.ravel()
+    far = np.sqrt(x**2 + y**2 + z**2)
+    angle = np.degrees(np.arccos(z / far))
+    value = np.exp(-np.log(2) * (angle / 16.0) ** 2 - 0.09 * far) * z / far**3
+    table = Readings.from_arrays(
+        x_m=100 * x,
+        y_m=100 * y,
+        z_m=z,
+        value=value,
+        stderr=0.005 * value + 1e-4 * value.max(),
+        scale="relative",
+    )
+    believed = Scene.from_dict({"lamp": {"hwhm_deg": 16.5}, "water": {"absorption_per_m": 0.09}})
+    verdict = verdict_on(table, believed)
+    assert verdict.verdict == "unexplained" and "do not look like a beam" in verdict.headline
 
 
 def test_readings_that_are_the_same_everywhere_show_no_lamp() -> None:
