@@ -109,7 +109,7 @@ ONE = {
         "lamp_size", "water_drift", "settling",
     ),
     "grid": ("apparent_source", "beam_tilt", "beam_ellipticity", "lamp_drift", "background", "saturation",
-             "stratification"),
+             "stratification", "beam_asymmetry"),
     "wide": ("wall_reflection",),
     "column": ("surface_reflection",),
     "air": ("window_refraction", "immersion"),

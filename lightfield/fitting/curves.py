@@ -33,6 +33,7 @@ from lightfield.scene import Scene
 from lightfield.scene.all_parameters import acts_on
 from lightfield.scene.curve import Nodes, integral_to, value_at
 from lightfield.scene.lamp.frame import beam_angles
+from lightfield.scene.lamp.profile import effective_angles
 from lightfield.scene.parameters import Parameter
 
 PROFILE, ABSORPTION, POWER = (
@@ -237,7 +238,7 @@ class Curves:
             return None
         ray = rays(lamp, *(np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)))
         across, up = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
-        theta = np.degrees(np.hypot(across, up / lamp.ellipticity))
+        theta = np.degrees(np.hypot(*effective_angles(lamp, across, up)))
         place = np.linspace(0.0, BEYOND * float(theta.max()), NODES)
         if place[-1] <= 0:
             return None

@@ -25,7 +25,7 @@ from lightfield.formula.readout import Taken, halves, immersed, plane_gain, read
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.frame import beam_angles, through_window
-from lightfield.scene.lamp.profile import LN2, relative_intensity
+from lightfield.scene.lamp.profile import LN2, effective_angles, relative_intensity
 from lightfield.scene.parameters import switched_off
 from lightfield.scene.receiver import response
 
@@ -94,7 +94,7 @@ def table_angle(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array, medium: ArrayLik
     theta_x, theta_y = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
     in_air = air_mask(medium)
     n = 1.0 if in_air is None else np.where(in_air, lamp.window_index, 1.0)
-    return np.asarray(np.hypot(theta_x, theta_y / lamp.ellipticity) / n)
+    return np.asarray(np.hypot(*effective_angles(lamp, theta_x, theta_y)) / n)
 
 
 def receiver(scene: Scene, ray: Ray, x_m: Array, y_m: Array, z_m: Array) -> Array:

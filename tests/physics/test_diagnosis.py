@@ -26,6 +26,7 @@ SINGLE = {
     "beam_offset": {"lamp.offset_x_m": -0.02},
     "beam_tilt": {"lamp.tilt_x_deg": 0.2},
     "beam_shape": {"lamp.shape_exponent": 2.3},
+    "beam_asymmetry": {"lamp.asymmetry_x": 0.05},
     "beam_skirt": {"lamp.skirt_fraction": 0.05, "lamp.skirt_hwhm_deg": 14.0},
     "lamp_drift": {"lamp.warmup_fraction": 0.08, "lamp.warmup_time_s": 500.0},
     "water_gradient": {"water.gradient_per_m2": -0.012},

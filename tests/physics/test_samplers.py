@@ -12,7 +12,7 @@ import pytest
 from scipy.stats import chi2
 
 from lightfield.scene import Lamp
-from lightfield.scene.lamp.profile import inverse_cdf_table, relative_intensity, sample
+from lightfield.scene.lamp.profile import inverse_cdf_table, relative_intensity, sample, solid_angle_sr
 from lightfield.scene.water.phase.function import PhaseFunction
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase, TwoTermHenyeyGreensteinPhase
 from lightfield.scene.water.phase.molecular import Molecular, ParticlesAndMolecules
@@ -153,15 +153,23 @@ def test_lamp_sampler(name: str, tmp_path: Path) -> None:
         assert 1e-4 < p_value(np.hypot(x, y), probability, edges, SAMPLES) < 1 - 1e-4
 
 
-def test_elliptic_lamp_sampler() -> None:
-    """Weighted directions of an oval beam have its second moments, within four standard errors."""
-    lamp, n = Lamp(hwhm_deg=5, ellipticity=1.8), 400_000
+@pytest.mark.parametrize(
+    "beam", [{"ellipticity": 1.8}, {"ellipticity": 0.7, "asymmetry_x": 0.4, "asymmetry_y": -0.2}]
+)
+def test_elliptic_lamp_sampler(beam: dict[str, float]) -> None:
+    """Weighted directions of an oval or lopsided beam have its moments, within four standard errors."""
+    lamp, n = Lamp(hwhm_deg=5, **beam), 400_000
     rng = np.random.default_rng(7)
     x, y, weight = sample(lamp, rng.random(n), rng.random(n))
     grid = np.radians(np.linspace(-60, 60, 1201))
     gx, gy = np.meshgrid(grid, grid)
     density = relative_intensity(lamp, gx, gy) * np.sinc(np.hypot(gx, gy) / math.pi)
-    for drawn, on_grid in ((x, gx), (y, gy)):
+    assert solid_angle_sr(lamp) == pytest.approx(density.sum() * (grid[1] - grid[0]) ** 2, rel=1e-6)
+    for drawn, on_grid in (
+        (x, gx),
+        (y, gy),
+        (np.sqrt(np.abs(x)) * np.sign(x), np.sqrt(np.abs(gx)) * np.sign(gx)),
+    ):
         truth = np.sum(density * on_grid**2) / density.sum()
         ratio = np.sum(weight * drawn**2) / weight.sum()
         error = np.std(weight * (drawn**2 - ratio)) / weight.mean() / math.sqrt(n)

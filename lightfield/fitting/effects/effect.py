@@ -142,6 +142,11 @@ class Effect:
         """It acts by the direction of arrival, known for direct light only: not combined with diffuse."""
         return any(acts_on(path) & Acts.RECEIVER for path in self.paths)
 
+    @cached_property
+    def of_direction(self) -> bool:
+        """It acts by the direction of direct light alone, at the lamp or at the receiver."""
+        return all(not acts_on(path) & ~(Acts.BEAM | Acts.RECEIVER) for path in self.paths)
+
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation?"""
         clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)

@@ -97,6 +97,23 @@ EFFECTS = (
         needs=("vary_x", "vary_y"),
     ),
     Effect(
+        "beam_asymmetry",
+        "beam shape",
+        (
+            Form(
+                "lopsided",
+                (
+                    Free("lamp.asymmetry_x", -0.5, 0.5, 0.03, needs=("vary_x",)),
+                    Free("lamp.asymmetry_y", -0.5, 0.5, 0.03, needs=("vary_y",)),
+                ),
+            ),
+        ),
+        "The filament or the emitter stands beside the reflector's axis: the beam is wider on one side.",
+        "Antisymmetric across the beam, growing with the angle's square; the same angles at every plane.",
+        "Turn the lamp by 180 degrees about its axis: the pattern turns with it, that of a tilt does not.",
+        needs=("off_axis",),
+    ),
+    Effect(
         "lamp_drift",
         "time",
         (

@@ -18,7 +18,10 @@ from lightfield.scene.all_parameters import neutral_values
 from lightfield.scene.water.water import Water
 
 #: What only a response follows, switched off: there the light without photons begins.
-_PLAIN = neutral_values("lamp.ellipticity", "detector.acceptance_hwhm_deg", "detector.tilt_x_deg")
+_PLAIN = neutral_values(
+    "lamp.ellipticity", "lamp.asymmetry_x", "lamp.asymmetry_y",
+    "detector.acceptance_hwhm_deg", "detector.tilt_x_deg",
+)  # fmt: skip
 
 
 def field_at(places: tuple[Array, Array, Array]) -> ScatteredField:

@@ -17,7 +17,7 @@ import numpy as np
 from lightfield.render.response.grid import AngleNodes
 from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.scene import Lamp
-from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.lamp.frame import beam_axes, is_lopsided
 from lightfield.scene.lamp.profile import relative_intensity, sections_of
 
 FINE = 4096  # steps in which the wished density is integrated
@@ -86,6 +86,8 @@ class Emission:
             name: dr.opaque(mi.Float, value)
             for name, value in {
                 "ellipticity": lamp.ellipticity,
+                "asymmetry_x": lamp.asymmetry_x,
+                "asymmetry_y": lamp.asymmetry_y,
                 "hwhm": np.radians(lamp.hwhm_deg),
                 "skirt_hwhm": np.radians(lamp.skirt_hwhm_deg),
                 "exponent": lamp.shape_exponent,
@@ -102,7 +104,8 @@ class Emission:
 
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
         """Intensity of the beam's widest section; for a tally by direction, of any beam asked later."""
-        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if self.lamp.profile == "table" else EXTREMES
+        uneven = self.lamp.profile == "table" or is_lopsided(self.lamp)
+        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if uneven else EXTREMES
         across, up = np.cos(turns), np.sin(turns)
         if self.nodes is not None:
             # Splines over coarse outer rings lift a beam's tail: photons there must not be rare and heavy.
@@ -115,12 +118,14 @@ class Emission:
         if self.lamp.profile == "isotropic":
             return mi.Float(1)
         value = self.value
-        y = theta_y / value["ellipticity"]
-        theta = dr.sqrt(theta_x * theta_x + y * y)
+        away = dr.maximum(dr.sqrt(theta_x * theta_x + theta_y * theta_y), 1e-20)
+        wider = 1 + (value["asymmetry_x"] * theta_x + value["asymmetry_y"] * theta_y) / away
+        x, y = theta_x / wider, theta_y / (wider * value["ellipticity"])
+        theta = dr.sqrt(x * x + y * y)
         if self.is_tabulated:
             if self.sections == 1:
                 return self._section(theta, mi.UInt32(0))
-            turn = dr.atan2(y, theta_x)
+            turn = dr.atan2(y, x)
             turn = dr.select(turn < 0, turn + 2 * pi, turn)
             after = dr.binary_search(
                 1, self.sections - 1, lambda k: dr.gather(mi.Float, self.turns, k) <= turn

@@ -27,14 +27,23 @@ def is_round(lamp: Lamp) -> bool:
 
 def has_round_section(lamp: Lamp) -> bool:
     """Is the beam the same all round its own axis?"""
-    return lamp.ellipticity == 1 and (
-        lamp.profile != "table" or beam_table(str(lamp.intensity_table)).is_round
-    )
+    return is_even(lamp) and (lamp.profile != "table" or beam_table(str(lamp.intensity_table)).is_round)
+
+
+def is_even(lamp: Lamp) -> bool:
+    """Is the beam as wide in every direction from its axis as its profile says?"""
+    return lamp.ellipticity == 1 and not is_lopsided(lamp)
+
+
+def is_lopsided(lamp: Lamp) -> bool:
+    """Is the beam wider on one side of its axis than on the other?"""
+    return bool(lamp.asymmetry_x or lamp.asymmetry_y)
 
 
 def is_mirrored(lamp: Lamp) -> tuple[bool, bool]:
     """Is the section of the beam the same at -x, and at -y?"""
-    return beam_table(str(lamp.intensity_table)).mirrored if lamp.profile == "table" else (True, True)
+    in_x, in_y = beam_table(str(lamp.intensity_table)).mirrored if lamp.profile == "table" else (True, True)
+    return in_x and not lamp.asymmetry_x, in_y and not lamp.asymmetry_y
 
 
 def beyond_window(length_m: Any, z_m: Any, apparent_distance_m: Any) -> Any:

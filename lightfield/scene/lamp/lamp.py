@@ -44,6 +44,14 @@ class Lamp(Part):
     ellipticity: float = number(
         1.0, "1", "hwhm in y over hwhm in x", Acts.BEAM, low=0.05, high=20.0, neutral=1.0
     )
+    asymmetry_x: float = number(
+        0.0, "1", "the beam is wider by this part towards +x, and narrower towards -x",
+        Acts.BEAM, low=-0.6, high=0.6, neutral=0.0, later=True,
+    )  # fmt: skip
+    asymmetry_y: float = number(
+        0.0, "1", "the beam is wider by this part towards +y, and narrower towards -y",
+        Acts.BEAM, low=-0.6, high=0.6, neutral=0.0, later=True,
+    )  # fmt: skip
     offset_x_m: float = number(0.0, "m", "lamp centre in x", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
     offset_y_m: float = number(0.0, "m", "lamp centre in y", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
     tilt_x_deg: float = number(

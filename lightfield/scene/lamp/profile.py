@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.curve import value_at
+from lightfield.scene.lamp.frame import has_round_section, is_even, is_lopsided
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import BeamTable, beam_table
 
@@ -34,7 +35,7 @@ def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLik
     Parameters
     ----------
     lamp : Lamp
-        Profile, half width, shape, skirt, ellipticity.
+        Profile, half width, shape, skirt, ellipticity, asymmetry.
     theta_x_rad, theta_y_rad : array, rad
         Beam-frame angles theta (cos phi, sin phi), broadcast against each other.
 
@@ -46,18 +47,45 @@ def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLik
     x, y = np.asarray(theta_x_rad, dtype=float), np.asarray(theta_y_rad, dtype=float)
     if lamp.profile == "isotropic":
         return np.ones(np.broadcast_shapes(x.shape, y.shape))
-    xx, yy = x * x, y * y
-    squared = xx + yy
+    squared = x * x + y * y
     if lamp.profile == "pencil":
         return np.asarray((squared == 0.0).astype(float))
-    stretched = squared if lamp.ellipticity == 1.0 else xx + yy / lamp.ellipticity**2
+    across, up = effective_angles(lamp, x, y)
+    stretched = squared if is_even(lamp) else across * across + up * up
     table = table_of(lamp)
     if table is None or table.is_round:
         light = radial_intensity(lamp, stretched)
     else:
-        around = table.at(np.sqrt(stretched), np.arctan2(y / lamp.ellipticity, x))
+        around = table.at(np.sqrt(stretched), np.arctan2(up, across))
         light = _departing(lamp, around, stretched)
     return np.asarray(light * (squared <= HALF_PI * HALF_PI))
+
+
+def effective_angles(lamp: Lamp, theta_x_rad: Array, theta_y_rad: Array) -> tuple[Array, Array]:
+    """Angles at which an even beam has the intensity that this one has at the given ones, rad.
+
+    A beam is wider by 1 + asymmetry_x cos phi + asymmetry_y sin phi, then in y by its ellipticity.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        Ellipticity and asymmetry.
+    theta_x_rad, theta_y_rad : array, rad
+        Beam-frame angles, broadcast against each other.
+    """
+    x, y = theta_x_rad, theta_y_rad
+    if is_lopsided(lamp):
+        wider = width_towards(lamp, x, y)
+        x, y = x / wider, y / wider
+    return x, y / lamp.ellipticity
+
+
+def width_towards(lamp: Lamp, theta_x_rad: Array, theta_y_rad: Array) -> Array:
+    """How much wider a lopsided beam is in these directions from its axis than on average."""
+    away = np.maximum(np.hypot(theta_x_rad, theta_y_rad), 1e-300)
+    return np.asarray(
+        1.0 + (lamp.asymmetry_x * theta_x_rad + lamp.asymmetry_y * theta_y_rad) / away, dtype=float
+    )
 
 
 def table_of(lamp: Lamp) -> BeamTable | None:
@@ -66,7 +94,7 @@ def table_of(lamp: Lamp) -> BeamTable | None:
 
 
 def radial_intensity(lamp: Lamp, theta_squared: Array) -> Array:
-    """I / I(0) against the squared effective angle theta_x^2 + (theta_y / e)^2, without the cut at 90 deg.
+    """I / I(0) against the squared effective angle, see `effective_angles`, without the cut at 90 deg.
 
     Of a table that is not round, the average around the axis.
 
@@ -100,7 +128,7 @@ def _without_departure(lamp: Lamp, theta_squared: Array) -> Array:
 
 
 def sections_of(lamp: Lamp, theta_rad: Array) -> tuple[Array, Array]:
-    """Half planes of a beam before any ellipticity: turns, rad, shape (k,), and I / I(0) in each, (k, n).
+    """Half planes of a beam as an even one: turns, rad, shape (k,), and I / I(0) in each, (k, n).
 
     Parameters
     ----------
@@ -136,7 +164,7 @@ def solid_angle_sr(lamp: Lamp) -> float:
             remedy='use profile = "gaussian" with a small hwhm_deg',
         )  # fmt: skip
     theta, weight = _quadrature(lamp)
-    if lamp.ellipticity == 1.0:  # the average around the axis is all that counts
+    if is_even(lamp):  # the average around the axis is all that counts
         return float(2.0 * math.pi * (radial_intensity(lamp, theta * theta) @ (weight * np.sin(theta))))
     phi, share = _turns(lamp)
     value = relative_intensity(lamp, np.outer(np.cos(phi), theta), np.outer(np.sin(phi), theta))
@@ -149,25 +177,30 @@ def _turns(lamp: Lamp) -> tuple[Array, Array]:
     if table is not None and not table.is_round:
         # Two Gauss nodes between half planes, where the table is linear.
         edges = np.unwrap(np.arctan2(lamp.ellipticity * np.sin(table.turn_rad), np.cos(table.turn_rad)))
+        if is_lopsided(lamp):  # between them the width changes too
+            edges = np.unique(np.concatenate([edges, edges[0] + 2.0 * math.pi * np.arange(65) / 64]))
         half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
         phi = middle[:, None] + half[:, None] * np.array([-1.0, 1.0]) / math.sqrt(3.0)
         return phi.ravel(), np.repeat(half / (2.0 * math.pi), 2)
-    return (np.arange(OF_OVAL) + 0.5) * (HALF_PI / OF_OVAL), np.full(OF_OVAL, 1.0 / OF_OVAL)
+    round_ = 4.0 if is_lopsided(lamp) else 1.0
+    return (np.arange(OF_OVAL) + 0.5) * (round_ * HALF_PI / OF_OVAL), np.full(OF_OVAL, 1.0 / OF_OVAL)
 
 
 def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     """Gauss-Legendre nodes on pieces that follow the beam's scales, 0 to 90 degrees."""
+    lopsided = math.hypot(lamp.asymmetry_x, lamp.asymmetry_y)
+    sections = np.unique([1.0, lamp.ellipticity, 1.0 - lopsided, 1.0 + lopsided])
     if (table := table_of(lamp)) is not None:
-        edges: NDArray[Any] = np.outer([1.0, lamp.ellipticity], table.angle_rad).ravel()
+        edges: NDArray[Any] = np.outer(sections, table.angle_rad).ravel()
     else:
         steps = np.array(
             [0.25, 0.5, 0.75, 0.9, 0.95, 1.0, 1.05, 1.1, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 10.0]
         )
-        widths = math.radians(lamp.hwhm_deg) * np.array([1.0, lamp.ellipticity])
+        widths = math.radians(lamp.hwhm_deg) * sections
         edges = np.concatenate([np.outer(widths, steps).ravel(), math.radians(lamp.skirt_hwhm_deg) * steps])
     if lamp.profile_departure:
         kinks = np.radians([angle for angle, _ in lamp.profile_departure if angle > 0])
-        edges = np.concatenate([edges, np.outer([1.0, lamp.ellipticity], kinks).ravel()])
+        edges = np.concatenate([edges, np.outer(sections, kinks).ravel()])
     pieces = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
     half: NDArray[Any] = 0.5 * np.diff(pieces)
     middle: NDArray[Any] = 0.5 * (pieces[1:] + pieces[:-1])
@@ -233,10 +266,12 @@ def sample(lamp: Lamp, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Arra
     effective = 2.0 * np.arcsin(np.sqrt(s))
     x, y = effective * np.cos(turn), lamp.ellipticity * effective * np.sin(turn)
     table = table_of(lamp)
-    if lamp.profile == "isotropic" or (lamp.ellipticity == 1.0 and (table is None or table.is_round)):
+    if lamp.profile == "isotropic" or has_round_section(lamp):
         return effective * np.cos(turn), effective * np.sin(turn), np.ones_like(x)
+    wider = width_towards(lamp, x, y)
+    x, y = x * wider, y * wider
     true = np.hypot(x, y)
-    weight = np.sinc(true / math.pi) / np.sinc(effective / math.pi) * (true <= HALF_PI)
+    weight = wider**2 * np.sinc(true / math.pi) / np.sinc(effective / math.pi) * (true <= HALF_PI)
     if table is not None and not table.is_round:
         mean = np.interp(effective, table.angle_rad, table.mean, right=0.0)
         weight = weight * np.where(mean > 0, table.at(effective, turn) / np.maximum(mean, 1e-300), 0.0)

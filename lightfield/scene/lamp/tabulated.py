@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.scene.lamp.frame import is_even
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import SHARED_ERROR
 from lightfield.scene.lamp.profile import sections_of
@@ -28,8 +29,8 @@ def intensity_rows(lamp: Lamp, to_deg: float) -> dict[str, Array]:
     Parameters
     ----------
     lamp : Lamp
-        Gaussian family or table, with what departs from it; of an oval beam the section along x, of a table
-        that is not round every half plane.
+        Gaussian family or table, with what departs from it; of an oval or lopsided beam the even one,
+        of a table that is not round every half plane.
     to_deg : float
         Up to here the beam is tabulated finely.
     """
@@ -64,7 +65,7 @@ def save_intensity(
         The file cannot be written.
     """
     columns = intensity_rows(lamp, to_deg)
-    if errors is not None and lamp.ellipticity == 1 and "phi_deg" not in columns:
+    if errors is not None and is_even(lamp) and "phi_deg" not in columns:
         for k, error in enumerate(errors(columns["angle_deg"]), 1):
             columns[f"{SHARED_ERROR}{k}"] = error
     rows = [",".join(f"{v:.8g}" for v in row) for row in zip(*columns.values(), strict=True)]

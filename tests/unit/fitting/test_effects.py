@@ -29,6 +29,7 @@ REQUIRED = set(
         "beam_shape",
         "beam_skirt",
         "beam_ellipticity",
+        "beam_asymmetry",
         "lamp_drift",
         "scattering",
         "water_gradient",

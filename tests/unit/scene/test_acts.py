@@ -52,6 +52,7 @@ def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
         {
             "lamp": {
                 "profile": "two-component", "skirt_fraction": 0.1, "ellipticity": 1.2, "tilt_x_deg": 1.0,
+                "asymmetry_x": 0.1,
                 "shape_exponent": 2.5, "apparent_distance_m": 0.3, "drift_per_hour": 0.1,
                 "radius_m": 0.05, "warmup_fraction": 0.1, "window_index": 1.3,
             },

@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.search.pool.planes import water_may_do_it
+from lightfield.diagnosis.search.pool.uneven_lamp import of_an_uneven_lamp
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
 Level = Literal["certain", "simplest", "one of", "partial"]
@@ -176,7 +177,8 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
         level = "one of"
     else:  # two forms of a beam are terms of any shape: its curve, with more functions, does as well
         of_shape = len(_forms(pool, best, candidate, (BEAM_PROFILE,))) > 1
-        level = _weaker(_claim(gap, gap_named, gap_plus), "simplest" if of_shape else "certain")
+        of_lamp = of_shape or candidate in of_an_uneven_lamp(best.explanation)
+        level = _weaker(_claim(gap, gap_named, gap_plus), "simplest" if of_lamp else "certain")
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
         _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name), beyond,

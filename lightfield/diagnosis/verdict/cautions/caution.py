@@ -28,6 +28,7 @@ class Warns(str, Enum):
     GAIN = "gain beyond the calibration"
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
+    UNEVEN_LAMP = "uneven lamp"
     LEFT_OUT = "scattered and reflected light left out"
     NOT_CONVERGED = "not converged"
     NOT_CONFIRMED = "not confirmed by a fresh render"
@@ -56,6 +57,8 @@ _WORDS = {
     "standard errors, in the unit of the readings?",
     Warns.STATED_ON_TRUST: _ON_TRUST.format("stated"),
     Warns.ASSUMED_ON_TRUST: _ON_TRUST.format("assumed"),
+    Warns.UNEVEN_LAMP: "{about} act by the direction of the light alone, and a lamp whose beam is uneven all "
+    "round does too: turn it by 180 degrees about its axis and read again; what turns with it is the lamp's",
     Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "
     "fit may take it for something else",
     Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",
@@ -89,7 +92,8 @@ class Caution(Record):
 
     warns: Warns
     about: str | None = Field(
-        None, description="the parameter that it speaks of; of a reading table its warning's stable name"
+        None,
+        description="the parameter or the effects that it speaks of; of a table its warning's stable name",
     )
     values: dict[str, float] = Field(default_factory=dict, description="the numbers it rests on, by name")
     table: LoadWarning | None = Field(None, description="what the table's own checks say, where it is that")

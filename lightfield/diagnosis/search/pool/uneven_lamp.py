@@ -1,0 +1,25 @@
+"""Effects that, two together, may be one lamp: of a beam that is its own in every direction.
+
+A tilt, a receiver that is turned or narrow, an oval and a lopsided beam change light by its direction alone.
+So does a lamp whose beam has a shape of its own, which may be uneven about the axis too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.fitting.effects import registry
+from lightfield.fitting.effects.free_form import BEAM_PROFILE
+
+#: Is wider on one side by itself: nothing says that it is so in the one way of the formula.
+_LOPSIDED = "beam_asymmetry"
+
+
+def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
+    """Effects of a set that an uneven lamp of its own shape would do alone: two or more, or none."""
+    shapes = {BEAM_PROFILE, *registry.get(BEAM_PROFILE).contains}
+    directed = [c for c in explanation if c.effect.of_direction]
+    others = [c for c in directed if c.name not in shapes]
+    own = len(others) < len(directed) or any(c.name == _LOPSIDED for c in others)
+    return others if own and len(others) > 1 else []

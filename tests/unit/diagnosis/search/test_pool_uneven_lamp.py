@@ -1,0 +1,73 @@
+"""Lamps that are wider on one side, by formulas of their own: no tilt, no turned receiver."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.search.pool.uneven_lamp import of_an_uneven_lamp
+from lightfield.diagnosis.verdict.cautions.caution import Warns
+from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.fitting.effects import registry
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+#: Effects of the lamp's pose and of the receiver, none of which is in these readings.
+OTHERS = {"beam_tilt", "detector_tilt", "acceptance", "cosine_error", "beam_ellipticity"}
+SCENE = {"lamp": {"hwhm_deg": 10.0}, "water": {"absorption_per_m": 0.12}}
+
+
+def verdict_on(seed: int, wider: float = 0.0, brighter: float = 0.0, tail: float = 0.0) -> Verdict:
+    """A lamp of 10 degrees, wider or brighter towards +x, its tails those of a power law or a Gaussian's."""
+    rng = np.random.default_rng(seed)
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-1.2, 1.2, 17), [2, 3, 4, 5, 6.5], indexing="ij"))
+    order = rng.permutation(len(x))
+    x, z = x[order], z[order]
+    far, across = np.hypot(x, z), np.degrees(np.arctan2(np.abs(x), z)) / 10
+    off = across / (1 + wider * np.sign(x))
+    beam = (1 + (np.sqrt(2) - 1) * off**2) ** -2 if tail else np.exp(-np.log(2) * off**2)
+    value = beam * (1 + brighter * np.tanh(0.8 * across) * np.sign(x)) * np.exp(-0.12 * far) * z / far**3
+    value = value / value.max()
+    sigma = 0.005 * value + 2e-4
+    table = Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=value + sigma * rng.normal(size=len(x)), stderr=sigma, scale="relative"
+    )
+    return diagnose(table, Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_lopsided_beam_is_named_with_its_size(seed: int) -> None:
+    verdict = verdict_on(seed, wider=0.06)
+    assert verdict.certain == verdict.best_set == ["beam_asymmetry"]
+    size = verdict.ladder[-1].parameters["lamp.asymmetry_x"]
+    assert abs(size.value - 0.06) < 3.5 * size.stderr < 0.01
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_lamp_that_is_uneven_otherwise_is_no_certain_tilt(seed: int) -> None:
+    """Tilt, turned and narrow receiver together follow it: functions of the direction, as the lamp is."""
+    verdict = verdict_on(seed, brighter=0.15, tail=1.0)
+    named = OTHERS & set(verdict.best_set)
+    assert named and not named & set(verdict.certain)
+    uneven = [c for c in verdict.cautions if c.warns is Warns.UNEVEN_LAMP]
+    assert [set(c.about.split(", ")) & OTHERS for c in uneven if c.about] == [named]
+    assert "turn it by 180 degrees" in uneven[0].sentence
+
+
+def test_which_effects_may_be_one_lamp() -> None:
+    """Two that act by direction, beside a beam with a shape of its own or a lopsided one."""
+
+    def alike(*names: str) -> list[str]:
+        return [
+            c.name for c in of_an_uneven_lamp(SimpleNamespace(name=n, effect=registry.get(n)) for n in names)
+        ]
+
+    assert alike("beam_profile", "beam_tilt", "background", "detector_tilt") == ["beam_tilt", "detector_tilt"]
+    assert alike("beam_tilt", "beam_asymmetry") == ["beam_tilt", "beam_asymmetry"]
+    assert alike("beam_skirt", "beam_ellipticity", "acceptance") == ["beam_ellipticity", "acceptance"]
+    # A Gaussian lamp is even; one effect beside a curve is the simplest there is; an offset is no direction.
+    assert alike("beam_tilt", "detector_tilt") == []
+    assert alike("beam_profile", "beam_tilt", "beam_offset", "lamp_size") == []
