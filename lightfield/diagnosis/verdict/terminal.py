@@ -21,7 +21,7 @@ _LONG = 1e5
 
 def as_text(verdict: Verdict) -> str:
     """The verdict for people: one sentence, then what supports it."""
-    lines = [verdict.sentence]
+    lines = [verdict.sentence, *(f"check first: {text}" for text in verdict.check_first)]
     if verdict.ladder:
         lines.append("")
         lines.append(f"{'ladder':<28}{'error %':>9}{'chi2/dof':>10}{'held out %':>12}{'removes %':>11}")
@@ -66,7 +66,7 @@ def as_text(verdict: Verdict) -> str:
         lines.append(f"set aside: {more} more")
     lines += stated_lines(verdict.stated)
     lines += [f"assumed: {a}" for a in verdict.assumed]
-    lines += [f"warning: {w}" for w in verdict.warnings]
+    lines += [f"warning: {w}" for w in verdict.warnings if w not in verdict.check_first]
     return "\n".join(lines)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import computed_field
 
 from lightfield.diagnosis.problem.untestable import in_words
+from lightfield.diagnosis.verdict.cautions.caution import MISTAKES
 from lightfield.diagnosis.verdict.findings import Findings
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import unnamed_sentences
@@ -45,6 +46,11 @@ class Verdict(Findings):
     @property
     def assumed(self) -> list[str]:
         return [str(one) for one in self.assumptions]
+
+    @computed_field(description="those of `warnings` that speak of a mistake")  # type: ignore[prop-decorator]
+    @property
+    def check_first(self) -> list[str]:
+        return [one.sentence for one in self.cautions if one.warns in MISTAKES]
 
     @computed_field(description="`cautions` and `unnamed` in words")  # type: ignore[prop-decorator]
     @property

@@ -19,7 +19,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
 from lightfield.diagnosis.verdict.verdict import Verdict
-from lightfield.diagnosis.verdict.words.effects import effect_size, instead
+from lightfield.diagnosis.verdict.words.effects import effect_size, instead, short_level
 from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
@@ -67,6 +67,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         title=view.title,
         verdict=verdict.headline,
         tag={"kind": kind, "text": text},
+        check_first=verdict.check_first,
         lead=[*verdict.support, *_lead(verdict)],
         found=[_found(one) for one in verdict.found],
         with_all=_light(verdict.found[0].with_it) if verdict.found else [],
@@ -81,7 +82,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         untestable=[(spaced(name), reason) for name, reason in verdict.untestable.items()],
         stated=stated_lines(verdict.stated),
         assumed=verdict.assumed,
-        warnings=verdict.warnings,
+        warnings=[text for text in verdict.warnings if text not in verdict.check_first],
         aside=[_aside(each) for each in verdict.set_aside],
         provenance=view.provenance,
         scene_toml=view.scene_toml,
@@ -212,7 +213,7 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     less = ["–"] * 4 if one.without_it is None else _light(one.without_it)
     return {
         "effect": spaced(one.effect),
-        "level": one.level,
+        "level": short_level(one),
         "kind": "good" if one.level in ("certain", "simplest") else "open",
         "instead": instead(one) or "–",
         "size": effect_size(one),

@@ -34,6 +34,10 @@ class Warns(str, Enum):
     NOT_CONFIRMED = "not confirmed by a fresh render"
 
 
+#: What speaks of a mistake in the table or the scene, which effects then stand in for.
+MISTAKES = (
+    Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN, Warns.OF_BAND, Warns.EXCHANGED,
+)  # fmt: skip
 #: How a fresh render contradicts a fit.
 CONTRADICTED = (
     "the fresh render does not confirm the fit ({rendered_percent:.2g} % against {fitted_percent:.2g} %)"

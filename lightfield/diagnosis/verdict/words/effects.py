@@ -31,6 +31,11 @@ def level(one: FoundEffect) -> str:
     return "not sure"
 
 
+def short_level(one: FoundEffect) -> str:
+    """The same in a word or two: one of nothing is not sure."""
+    return "not sure" if one.level == "one of" and not instead(one) else one.level
+
+
 def follows_any(one: FoundEffect) -> bool:
     """Is it a curve that nothing replaces, and that is not sure all the same?"""
     return one.level == "one of" and one.hardly_tested and not instead(one)

@@ -10,14 +10,19 @@ import pytest
 from analytic_readings import readings, scene
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.readings.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
 
 
 def warnings(table: Readings, believed: Scene) -> list[str]:
-    found = [w for w in diagnose(table, believed, diffuse=None, advise=False).verdict.warnings
-             if "times the scene's" in w or "exchanged" in w]  # fmt: skip
+    verdict = diagnose(table, believed, diffuse=None, advise=False).verdict
+    found = [w for w in verdict.warnings if "times the scene's" in w or "exchanged" in w]
+    assert found == verdict.check_first
+    told = as_text(verdict).splitlines()  # before the ladder, and once
+    assert [line for line in told if any(w in line for w in found)] == [f"check first: {w}" for w in found]
+    assert told[1 : 1 + len(found)] == [f"check first: {w}" for w in found]
     by_hand = [n for n in fit_readings(table, believed).notes if "times the scene's" in n]
     assert len(by_hand) == len([w for w in found if "times" in w])
     return found
