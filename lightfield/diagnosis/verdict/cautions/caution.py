@@ -71,9 +71,9 @@ _WORDS = {
     "more peaked, its b is larger than this one (in rendered waters up to twice after Petzold, up to four "
     "times after Fournier and Forand): put it into the scene if b itself matters "
     '(of "fournier-forand" the slope mu is fitted with b)',
-    Warns.WIDTH: "the fitted width is {ratio:.2g} times the scene's ({about} = {fitted:.3g}, not "
-    "{stated:.3g}): check the unit of x_m and y_m (metres from the axis, not a diameter), and that the "
-    "scene's is a half width at half maximum",
+    Warns.WIDTH: "the fitted width is {ratio:.2g} times the scene's (a half width of {fitted:.3g}, "
+    "not {stated:.3g} degrees): check the unit of x_m and y_m (metres from the axis, not a diameter), and "
+    "that the scene's is a half width at half maximum",
     Warns.MORE_ABSORPTION: _ABSORPTION.format(
         "the scene's is a natural, not a decadic, coefficient of absorption"
     ),

@@ -19,6 +19,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
+from lightfield.formula.scattered.nodes import stated_width_deg
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section
@@ -52,7 +53,7 @@ def hints(
     scene, values = forward.scene, fit.values
     gain = _gain(scene, values, calibration)
     found = [
-        _width(scene, values), _absorption(forward, problem, values),
+        _width(scene, forward.scenes.at(values, validate=False)), _absorption(forward, problem, values),
         gain, _of_band(forward, gain, calibration),
     ]  # fmt: skip
     if has_diffuse_light(scene) and forward.light.diffuse.trace is None:
@@ -80,13 +81,19 @@ def exchanged(forward: SceneForward, problem: Problem, finding: Finding) -> list
     return [Caution(warns=Warns.EXCHANGED, values=both)]
 
 
-def _width(scene: Scene, values: Mapping[str, float]) -> Caution | None:
-    path, guess = "lamp.hwhm_deg", float(scene.lamp.hwhm_deg)
-    ratio = values.get(path, guess) / guess
+def _width(stated: Scene, fitted: Scene) -> Caution | None:
+    width, guess = _seen_width_deg(fitted), _seen_width_deg(stated)
+    ratio = width / guess
     if 1 / WIDTH_FACTOR < ratio < WIDTH_FACTOR:
         return None
-    told = {"ratio": ratio, "fitted": values[path], "stated": guess}
-    return Caution(warns=Warns.WIDTH, about=path, values=told)
+    told = {"ratio": ratio, "fitted": width, "stated": guess}
+    return Caution(warns=Warns.WIDTH, about="lamp.hwhm_deg", values=told)
+
+
+def _seen_width_deg(scene: Scene) -> float:
+    """Half width of the beam as a receiver that faces the lamp sees it, by its acceptance too, degrees."""
+    width, acceptance = stated_width_deg(scene.lamp), scene.detector.acceptance_hwhm_deg
+    return float(1 / np.hypot(1 / width, 1 / acceptance)) if acceptance else width
 
 
 def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, float]) -> Caution | None:

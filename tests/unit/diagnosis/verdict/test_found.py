@@ -115,7 +115,7 @@ def test_a_single_effect_has_a_level_too() -> None:
 def test_part_of_what_is_unexplained_is_told() -> None:
     """A lamp that stands aside, and a shadow at one x: the ladder has more than one rung all the same."""
     shadow = readings({"lamp.offset_x_m": 0.05}, seed=2, factor=_shadow)
-    verdict = diagnose(*shadow, diffuse=None, advise=False).verdict
+    verdict = diagnose(*shadow, diffuse=None).verdict
     assert verdict.verdict == "unexplained" and verdict.effects == []
     assert len(verdict.ladder) > 1 and "beam_offset" in verdict.best_set
     assert sum(rung.removed_percent or 0 for rung in verdict.ladder) > 50
