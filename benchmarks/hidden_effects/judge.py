@@ -74,9 +74,8 @@ def _any_of(row: Row) -> set[str]:
 
 def family_right(row: Row) -> bool:
     """Do the named effects belong to the true families, and all of these?"""
-    table = effects.table()
-    families = {table[name].family for name in row["effects"]}
-    return families == {table[name].family for name in row["hidden"]}
+    families = {effects.get(name).family for name in row["effects"]}
+    return families == {effects.get(name).family for name in row["hidden"]}
 
 
 def in_set(row: Row) -> bool:

@@ -32,12 +32,13 @@ def confusion(rows: Sequence[Row], path: Path) -> None:
     """What single effects of delta >= 5 were called: the first name, forced where several were reported."""
     some = [r for r in of_stratum(rows, "one", "other physics") if r["delta"] >= judge.CLEAR_SIGMA]
     names = [n for n in effects.table() if any(r["hidden"] == [n] for r in some)]
-    called = [*effects.table(), "two effects", "unexplained", "none"]
+    curves = [n for n in effects.curves() if any(r["effects"] == [n] for r in some)]
+    called = [*effects.table(), *curves, "several effects", "unexplained", "none"]
     counts = np.zeros((len(names), len(called)))
     for row in some:
         told = (
-            "two effects"
-            if judge.size(row) == 2
+            "several effects"
+            if judge.size(row) > 1
             else row["effects"][0]
             if judge.size(row)
             else row["verdict"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page
@@ -50,15 +51,17 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
             )
         rule = found.reaches[0]
         left.axhline(found.share, color=MUTED, linewidth=0.9)
-        for at, shade, words, side in (
-            (rule.z_m, RENDER, distance(rule), 8),
-            (rule.formula_m, FORMULA, distance_or_none(rule.formula_m), -8),
+        for at, other, shade, words in (
+            (rule.z_m, rule.formula_m, RENDER, distance(rule)),
+            (rule.formula_m, rule.z_m, FORMULA, distance_or_none(rule.formula_m)),
         ):
             if np.isfinite(at):
                 left.plot([at, at], [0, found.share], color=shade, linewidth=1)
+                # The farther one above the light, the nearer below it.
+                farther = at > other if at != other else shade is RENDER
                 left.annotate(
-                    words, (at, 0.02), (side, 0), textcoords="offset points", color=shade, fontsize=9,
-                    ha="left" if side > 0 else "right",
+                    words, (at, found.share if farther else 0.02), (3 if farther else -8, 4 * farther),
+                    textcoords="offset points", color=shade, fontsize=9, ha="left" if farther else "right",
                 )  # fmt: skip
         left.set_ylim(bottom=0)
         percent_axis(left.yaxis)
@@ -105,6 +108,7 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
                 color=BAD,
                 fontsize=9,
                 ha="right" if name == "turned" else "left",
+                path_effects=[withStroke(linewidth=3, foreground="white")],
             )
             axis.set_yscale("log")
             plain_log_axis(axis.yaxis)
