@@ -12,14 +12,21 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.fitting.effects import registry
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
-#: Is wider on one side by itself: nothing says that it is so in the one way of the formula.
+#: Is wider on one side by itself: nothing says that it is so in the one way of the formula. Scattered light
+#: that is not as in the model (in one simulation it did not move with the lamp) is taken for it too.
 _LOPSIDED = "beam_asymmetry"
 
 
 def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
-    """Effects of a set that an uneven lamp of its own shape would do alone: two or more, or none."""
+    """Effects of a set that an uneven lamp of its own shape would do alone: two or more, or none.
+
+    Of a lopsided one in scattered light the beam's light is all that is known exactly, and it stands alone.
+    """
+    explanation = tuple(explanation)
     shapes = {BEAM_PROFILE, *registry.get(BEAM_PROFILE).contains}
     directed = [c for c in explanation if c.effect.of_direction]
     others = [c for c in directed if c.name not in shapes]
-    own = len(others) < len(directed) or any(c.name == _LOPSIDED for c in others)
-    return others if own and len(others) > 1 else []
+    lopsided = any(c.name == _LOPSIDED for c in others)
+    if lopsided and any(c.effect.diffuse for c in explanation):
+        return others
+    return others if (lopsided or len(others) < len(directed)) and len(others) > 1 else []
