@@ -61,8 +61,8 @@ _WORDS = {
     "standard errors, in the unit of the readings?",
     Warns.STATED_ON_TRUST: _ON_TRUST.format("stated"),
     Warns.ASSUMED_ON_TRUST: _ON_TRUST.format("assumed"),
-    Warns.UNEVEN_LAMP: "only the direction of the light tells of {about}: a lamp with another uneven beam may "
-    "do the same; turn it by 180 degrees about its axis and read again: what turns with it is the lamp's",
+    Warns.UNEVEN_LAMP: "only the direction of the light tells of {about}: a lamp with another uneven beam "
+    "may do the same; turn it by 180 degrees about its axis and read again: what turns with it is the lamp's",
     Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "
     "fit may take it for something else",
     Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",
