@@ -38,6 +38,8 @@ class Expected:
         simplest explanation, which only sets of more parameters do without.
     rival : tuple of str
         The set without it that stands most in its way.
+    another_lamp : bool
+        A lamp whose beam has another shape would do what it and others do, so that it is never certain.
     """
 
     effect: str
@@ -47,6 +49,7 @@ class Expected:
     certain: float
     named: float
     rival: tuple[str, ...]
+    another_lamp: bool = False
 
     @property
     def level(self) -> Outlook:
@@ -62,6 +65,8 @@ class Expected:
     def in_words(self, whole: Sequence[str]) -> str:
         """Would it be certain, and what stands in the way?"""
         others = [name for name in self.rival if name not in whole]
+        if self.level == "simplest" and self.another_lamp:
+            return "the simplest explanation; a lamp of another shape would do as well"
         how = f"{join(others)} in its place" if others else "the others without it"
         return {
             "certain": "certain",
@@ -96,9 +101,9 @@ class Together:
         """The answer."""
         parts = (
             ("would be certain", self.of_level("certain")),
-            ("the simplest explanation", self.of_level("simplest")),
-            ("perhaps named", self.of_level("perhaps")),
-            ("not named", self.of_level("no", "not seen")),
+            ("would be the simplest explanation", self.of_level("simplest")),
+            ("would perhaps be named", self.of_level("perhaps")),
+            ("would not be named", self.of_level("no", "not seen")),
         )
         told = [f"{join(names)} {words}" for words, names in parts if names]
         return f"With these {self.readings} readings {'; '.join(told)}."

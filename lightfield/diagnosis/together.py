@@ -31,6 +31,7 @@ from lightfield.diagnosis.search.pool.evidence import (
     Weighing,
     contained,
     evidence,
+    may_be_another_lamp,
 )
 from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -285,14 +286,16 @@ def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) ->
             certain.meet((unpriced - PLUS_GAP) / spread, node)
             named.meet((unpriced + PLUS_GAP) / spread, node)
     rival = certain.node if named.chance >= LIKELY else named.node
+    another_lamp = may_be_another_lamp(weighing.pool, best, one.candidate)
     return Expected(
         name,
         {p.path: values[p.path] for p in one.candidate.parameters},
         one.sigma_to_remove,
         one.gap,
-        certain.chance,
+        0.0 if another_lamp else certain.chance,
         named.chance,
         () if rival is None else tuple(sorted(rival.names)),
+        another_lamp,
     )
 
 

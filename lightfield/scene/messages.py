@@ -145,6 +145,8 @@ def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -
         return "a table of keys", f"write it as [{'.'.join(keys)}]"
     if kind == "missing":
         return f"{meaning} has no default", f"add {name}"
+    if kind == "tuple_type":
+        return "a list of values", f"write {name} = [..., ...]: {meaning}"
     return _message(problem), f"correct it: {meaning}"
 
 

@@ -300,7 +300,8 @@ def _check_reach(
             where=readings.source or None,
             found=f"{len(beyond)} of them, the first at x = {x:g}, y = {y:g}, z = {z:g} m",
             rule="a beam of about the scene's lamp.hwhm_deg along z, positions in metres" + seen * tube,
-            remedy="correct the positions, or the scene's lamp" + " or collimator" * tube,
+            remedy="give the positions in metres (not centimetres or inches), or correct the scene's lamp"
+            + " or collimator" * tube,
         )
 
 

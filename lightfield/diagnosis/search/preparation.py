@@ -234,7 +234,11 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[F
     problem, whiten, base = kept[:3]
     law = _law(kept) if stated else None
     if law is not None:
-        return replace(_prepared(replace(problem, keep=usable), law, budget, known), doubted=True)
+        every = replace(problem, keep=usable)
+        made = _prepared(every, law, budget, known)
+        # A base model that misses the readings by far has a scatter of its own: what describes them is asked.
+        again = prepare_about(every, quoted, budget, made.explanation, made.reference)
+        return replace(again, known=made.known, to_trace_per_m=made.to_trace_per_m)
     # The light of another trace moves the fits by it too far to begin from there.
     same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
     described = describe(problem, whiten, base, stated, same)

@@ -103,8 +103,8 @@ EFFECTS = (
             Form(
                 "lopsided",
                 (
-                    Free("lamp.asymmetry_x", -0.5, 0.5, 0.03, needs=("vary_x",)),
-                    Free("lamp.asymmetry_y", -0.5, 0.5, 0.03, needs=("vary_y",)),
+                    Free("lamp.asymmetry_x", -0.6, 0.6, 0.03, needs=("vary_x",)),
+                    Free("lamp.asymmetry_y", -0.6, 0.6, 0.03, needs=("vary_y",)),
                 ),
             ),
         ),

@@ -14,8 +14,10 @@ from lightfield.studies.working_range.study import WorkingRange
 
 def as_text(found: WorkingRange) -> str:
     """The answer for people."""
-    lines = [headline(found), "", f"{'':<66}{'with scattered light':>22}{'formula':>18}"]
-    lines += [f"{rule:<66}{own:>22}{formula:>18}" for rule, own, formula in rows(found)]
+    table = [["", "with scattered light", "formula"], *rows(found)]
+    words, own, formula = (max(len(row[k]) for row in table) for k in range(3))
+    lines = [headline(found), ""]
+    lines += [f"{a:<{words}}  {b:>{own}}  {c:>{formula}}" for a, b, c in table]
     lines.append(array_sentence(found))
     return "\n".join(lines)
 

@@ -157,3 +157,16 @@ def test_chances_are_those_of_noisy_campaigns(layout: Readings) -> None:
         for chance, count in ((one.certain, certain[one.effect]), (one.named, named[one.effect])):
             spread = np.sqrt(draws * max(chance * (1 - chance), 0.05))
             assert abs(count - draws * chance) < 4 * spread, (one.effect, chance, count)
+
+
+def test_what_a_lamp_of_another_shape_would_do_is_never_certain(layout: Readings) -> None:
+    """As a diagnosis says of readings with the same effects: a lopsided beam and a tilt, but not a shift."""
+    sizes = {"lamp.asymmetry_x": 0.12, "lamp.tilt_x_deg": 0.6, "lamp.offset_x_m": 0.03}
+    made = together(layout, SCENE, ["beam_asymmetry", "beam_tilt", "beam_offset"], sizes)
+    assert {one.effect: one.level for one in made.expected} == {
+        "beam_asymmetry": "simplest",
+        "beam_tilt": "simplest",
+        "beam_offset": "certain",
+    }
+    assert "beam asymmetry and beam tilt would be the simplest explanation" in made.sentence
+    assert made.rows()[0][5] == "the simplest explanation; a lamp of another shape would do as well"

@@ -51,6 +51,7 @@ def test_a_table_of_elements(tmp_path: Path) -> None:
         ({"layout": "hemisphere"}, "needs a radius"),
         ({"radius_m": 0.3}, "too far for a sphere"),
         ({"count": [51, 50]}, "2550 elements"),
+        ({"count": 5}, "a list of values"),
         ({"size_m": -1.0}, "array.size_m"),
         ({"pitch": 1}, "unknown key"),
     ],

@@ -175,14 +175,22 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
         level = "partial" if part else "one of"
     elif beyond or _at_edge(pool, best, candidate):
         level = "one of"
-    else:  # two forms of a beam are terms of any shape: its curve, with more functions, does as well
-        of_shape = len(_forms(pool, best, candidate, (BEAM_PROFILE,))) > 1
-        of_lamp = of_shape or candidate in of_an_uneven_lamp(best.explanation)
-        level = _weaker(_claim(gap, gap_named, gap_plus), "simplest" if of_lamp else "certain")
+    else:
+        most: Level = "simplest" if may_be_another_lamp(pool, best, candidate) else "certain"
+        level = _weaker(_claim(gap, gap_named, gap_plus), most)
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
         _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name), beyond,
     )  # fmt: skip
+
+
+def may_be_another_lamp(pool: Pool, node: Node, candidate: Candidate) -> bool:
+    """Would a lamp of another shape do what an effect and others of its set do together?
+
+    Two forms of a beam are terms of any shape: its curve, with more functions, does as well.
+    """
+    of_shape = len(_forms(pool, node, candidate, (BEAM_PROFILE,))) > 1
+    return of_shape or candidate in of_an_uneven_lamp(node.explanation)
 
 
 def _claim(gap: float, gap_named: float, gap_plus: float) -> Level:

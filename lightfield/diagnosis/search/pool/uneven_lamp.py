@@ -12,6 +12,9 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.fitting.effects import registry
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
+#: A lamp that is oval is no Gaussian all round either: one that is brighter on one side is, to first order, a
+#: tilted one, and to second order oval.
+_OVAL = "beam_ellipticity"
 #: Is wider on one side by itself: nothing says that it is so in the one way of the formula. Scattered light
 #: that is not as in the model (in one simulation it did not move with the lamp) is taken for it too.
 _LOPSIDED = "beam_asymmetry"
@@ -26,7 +29,7 @@ def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
     shapes = {BEAM_PROFILE, *registry.get(BEAM_PROFILE).contains}
     directed = [c for c in explanation if c.effect.of_direction]
     others = [c for c in directed if c.name not in shapes]
-    lopsided = any(c.name == _LOPSIDED for c in others)
-    if lopsided and any(c.effect.diffuse for c in explanation):
+    names = {c.name for c in directed}
+    if _LOPSIDED in names and any(c.effect.diffuse for c in explanation):
         return others
-    return others if (lopsided or len(others) < len(directed)) and len(others) > 1 else []
+    return others if names & {*shapes, _LOPSIDED, _OVAL} and len(others) > 1 else []

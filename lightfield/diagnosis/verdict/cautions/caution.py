@@ -73,7 +73,7 @@ _WORDS = {
     '(of "fournier-forand" the slope mu is fitted with b)',
     Warns.WIDTH: "the fitted width is {ratio:.2g} times the scene's (a half width of {fitted:.3g}, "
     "not {stated:.3g} degrees): check the unit of x_m and y_m (metres from the axis, not a diameter), and "
-    "that the scene's is a half width at half maximum",
+    "that the scene's is a half width at half maximum, not a full one",
     Warns.MORE_ABSORPTION: _ABSORPTION.format(
         "the scene's is a natural, not a decadic, coefficient of absorption"
     ),

@@ -37,9 +37,10 @@ def cautions(
     if prepared.doubted:
         out.append(Caution(warns=Warns.ERRORS_DOUBTED))
     scale, nu = variance_scale(prepared, finding), _about_the_best(finding).nu
-    if prepared.errors_stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
+    stated = prepared.errors_stated and not prepared.doubted  # of what was put in their place nobody is asked
+    if stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))
-    elif prepared.errors_stated and scale < _NOTED_SMALL:
+    elif stated and scale < _NOTED_SMALL:
         out.append(Caution(warns=Warns.SCATTER_LESS, values={"times": float(1 / np.sqrt(scale))}))
     if finding.levels[0].adequacy.scale_taken:
         on_trust = Warns.STATED_ON_TRUST if prepared.errors_stated else Warns.ASSUMED_ON_TRUST

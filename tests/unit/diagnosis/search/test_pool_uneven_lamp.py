@@ -69,6 +69,7 @@ def test_which_effects_may_be_one_lamp() -> None:
     assert alike("beam_tilt", "beam_asymmetry") == ["beam_tilt", "beam_asymmetry"]
     assert alike("beam_skirt", "beam_ellipticity", "acceptance") == ["beam_ellipticity", "acceptance"]
     assert alike("beam_asymmetry", "beam_offset", "scattering") == ["beam_asymmetry"]
+    assert alike("beam_tilt", "beam_ellipticity") == ["beam_tilt", "beam_ellipticity"]
     # A Gaussian lamp is even; one effect beside a curve is the simplest there is; an offset is no direction.
     assert alike("beam_tilt", "detector_tilt") == alike("beam_asymmetry", "background") == []
     assert alike("beam_profile", "beam_tilt", "beam_offset", "lamp_size") == []

@@ -1,0 +1,43 @@
+"""Stated errors are believed where an effect explains the readings, however far the base model misses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.cautions.caution import Warns
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+SCENE = {"lamp": {"hwhm_deg": 6.0}, "water": {"absorption_per_m": 0.13}}
+
+
+def very_lopsided(seed: int) -> Readings:
+    """A beam that is a fifth wider towards 56 degrees from x: chi-square of the base model 200,000."""
+    rng = np.random.default_rng(seed)
+    row = [(0.0, y) for y in np.linspace(-0.5, 0.5, 11)]
+    row += [(x, y) for x in (-0.3, -0.15, 0.15, 0.3) for y in np.linspace(-0.4, 0.4, 5)]
+    places = np.array([(x, y, z) for z in (1.0, 1.5, 2.0, 2.8, 3.6) for x, y in row])
+    rng.shuffle(places)
+    often = [[*places[i : i + 12], (0.0, 0.0, 2.0)] for i in range(0, len(places), 12)]
+    x, y, z = np.array([place for some in often for place in some]).T
+    far = np.sqrt(x**2 + y**2 + z**2)
+    wider = 1 + 0.2 * np.cos(np.arctan2(y, x) - 0.5 * np.pi + 0.6)
+    beam = np.exp(-np.log(2) * (np.degrees(np.arccos(z / far)) / (6 * wider)) ** 2)
+    value = beam * np.exp(0.15 * (1 - far)) * z / far**3
+    sigma = np.hypot(0.004 * value, 3e-4)
+    return Readings.from_arrays(
+        x_m=x, y_m=y, z_m=z, value=value + sigma * rng.normal(size=len(x)), stderr=sigma, scale="relative",
+        time_s=20.0 * np.arange(len(x)), plane_gain_percent=0.0, position_mm=0.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_errors_are_judged_about_what_explains_the_readings(seed: int) -> None:
+    """Beside the base model alone the scatter of its misfit once passed for that of the readings."""
+    verdict = diagnose(very_lopsided(seed), Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
+    assert verdict.best_set == ["beam_asymmetry"]
+    assert 0.6 < verdict.variance_scale < 1.6
+    of_errors = {Warns.ERRORS_DOUBTED, Warns.SCATTER_MORE, Warns.SCATTER_LESS}
+    assert not of_errors & {caution.warns for caution in verdict.cautions}
