@@ -1,4 +1,4 @@
-"""Effects that, two together, may be one lamp: of a beam that is its own in every direction.
+"""Effects that may be one lamp: of a beam that is its own in every direction.
 
 A tilt, a receiver that is turned or narrow, an oval and a lopsided beam change light by its direction alone.
 So does a lamp whose beam has a shape of its own, which may be uneven about the axis too.
@@ -21,9 +21,10 @@ _LOPSIDED = "beam_asymmetry"
 
 
 def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
-    """Effects of a set that an uneven lamp of its own shape would do alone: two or more, or none.
+    """Effects of a set that an uneven lamp of its own shape would do alone.
 
-    Of a lopsided one in scattered light the beam's light is all that is known exactly, and it stands alone.
+    Two or more of them; a pose or a receiver beside a lamp's curve, which says that no formula describes it;
+    and a lopsided beam in scattered light, of which what comes straight is all that is known exactly.
     """
     explanation = tuple(explanation)
     shapes = {BEAM_PROFILE, *registry.get(BEAM_PROFILE).contains}
@@ -32,4 +33,7 @@ def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
     names = {c.name for c in directed}
     if _LOPSIDED in names and any(c.effect.diffuse for c in explanation):
         return others
-    return others if names & {*shapes, _LOPSIDED, _OVAL} and len(others) > 1 else []
+    uneven = {_LOPSIDED, _OVAL}
+    if BEAM_PROFILE in names and any(c.name not in uneven for c in others):
+        return others
+    return others if names & (shapes | uneven) and len(others) > 1 else []

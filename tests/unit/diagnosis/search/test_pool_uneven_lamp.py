@@ -58,7 +58,7 @@ def test_a_lamp_that_is_uneven_otherwise_is_no_certain_tilt(seed: int) -> None:
 
 
 def test_which_effects_may_be_one_lamp() -> None:
-    """Two that act by direction, beside a beam with a shape of its own or a lopsided one."""
+    """Two that act by direction beside a beam with a shape of its own, one beside a lamp's curve."""
 
     def alike(*names: str) -> list[str]:
         return [
@@ -70,6 +70,8 @@ def test_which_effects_may_be_one_lamp() -> None:
     assert alike("beam_skirt", "beam_ellipticity", "acceptance") == ["beam_ellipticity", "acceptance"]
     assert alike("beam_asymmetry", "beam_offset", "scattering") == ["beam_asymmetry"]
     assert alike("beam_tilt", "beam_ellipticity") == ["beam_tilt", "beam_ellipticity"]
-    # A Gaussian lamp is even; one effect beside a curve is the simplest there is; an offset is no direction.
+    assert alike("beam_profile", "beam_tilt", "beam_offset", "lamp_size") == ["beam_tilt"]
+    # A Gaussian lamp is even, an oval one has a curve along its radius; an offset is no direction.
     assert alike("beam_tilt", "detector_tilt") == alike("beam_asymmetry", "background") == []
-    assert alike("beam_profile", "beam_tilt", "beam_offset", "lamp_size") == []
+    assert alike("beam_profile", "beam_ellipticity") == alike("beam_skirt", "beam_tilt") == []
+    assert alike("beam_profile", "beam_offset", "lamp_size") == []
