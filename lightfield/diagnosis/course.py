@@ -38,8 +38,8 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 #: Variance over the stated one from which on more effects are asked whether they explain the scatter, and the
-#: part of it that they leave then. Chosen: by chance one set of 60 readings in 300 scatters so much; of errors
-#: that are stated half as large as they are all is left.
+#: part of it that they leave then. Chosen: by chance one set of 60 readings in 300 scatters so much; where
+#: errors are stated half as large as they are all is left.
 _TOO_SMALL, _MENDS = 1.5, 0.6
 
 
@@ -188,7 +188,7 @@ def _with_more_effects(inquiry: Inquiry, known: Knowledge, progress: Progress) -
 
 
 def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
-    """One or two effects that pass because the errors are taken for too small, or more that explain it all."""
+    """One or two effects that pass because the errors are taken for too small, or more that explain it."""
     scale = variance_scale(known.prepared, known.finding)
     if scale < _TOO_SMALL:
         return known
