@@ -120,21 +120,29 @@ def with_others(accepted: Sequence[Tried]) -> Tried:
     accepted : sequence of Tried
         Best first; each weighs exp(-BIC/2), or of any number of effects by their price.
     """
-    best = accepted[0]
-    values, errors = best.fit.values, dict(best.errors)
-    squares, total = {path: error**2 for path, error in errors.items()}, dict.fromkeys(errors, 1.0)
+    best, others = accepted[0], []
     for other in accepted[1:]:
         weight = float(np.exp(-0.5 * max(other.bic - best.bic, 0.0)))
         theirs = other.fit.stderr(other.adequacy.phi if other.adequacy else 1.0)
         if other.test is not None:
             for path, error in slope_errors(other, other.test.problem).items():
                 theirs[path] = float(np.hypot(theirs[path], error))
-        for path, value in other.fit.values.items():
-            if path in squares and np.isfinite(theirs[path]) and not is_gain(path):
-                squares[path] += weight * (theirs[path] ** 2 + (value - values[path]) ** 2)
+        others.append((weight, other.fit.values, theirs))
+    return averaged(best, others)
+
+
+def averaged(best: Tried, others: Sequence[tuple[float, Mapping[str, float], Mapping[str, float]]]) -> Tried:
+    """A set, its errors averaged over it and others: weight over its own, values and errors of each."""
+    values, errors = best.fit.values, dict(best.errors)
+    squares, total = {path: error**2 for path, error in errors.items()}, dict.fromkeys(errors, 1.0)
+    for weight, theirs, stderr in others:
+        for path, value in theirs.items():
+            if path in squares and np.isfinite(stderr[path]) and not is_gain(path):
+                squares[path] += weight * (stderr[path] ** 2 + (value - values[path]) ** 2)
                 total[path] += weight
-    averaged = {path: float(np.sqrt(squares[path] / total[path])) for path in errors}
-    return replace(best, errors=largest(errors, averaged))
+    return replace(
+        best, errors=largest(errors, {path: float(np.sqrt(squares[path] / total[path])) for path in errors})
+    )
 
 
 def largest(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:

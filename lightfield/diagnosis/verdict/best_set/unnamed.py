@@ -19,6 +19,7 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.verdict.best_set.averaged import largest, with_an_effect_more, with_others
+from lightfield.diagnosis.verdict.best_set.longer_curve import with_longer_curve
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
 from lightfield.fitting.least_squares import Fit
@@ -60,7 +61,7 @@ def in_errors(finding: Finding) -> Finding:
         return replace(finding, base_errors=with_an_effect_more((), level.base, level.adequacy))
     wider = with_an_effect_more(best.explanation, best.fit, best.adequacy)
     best = replace(best, errors=largest(best.errors, wider))
-    best = with_others([best, *finding.accepted[1:]])
+    best = with_longer_curve(finding, with_others([best, *finding.accepted[1:]]))
     for one in _absent(finding):
         best = best.reaching({path: one.values[path] for path in one.changed}, one.errors)
     return replace(finding, accepted=[best, *finding.accepted[1:]])

@@ -1,0 +1,24 @@
+"""The bundled campaign with a lamp that is no Gaussian: what is found there against its truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.readings import read_table
+from lightfield.scene import Scene
+
+FOLDER = Path(__file__).parents[2] / "scenes" / "dive_lamp"
+
+
+def test_values_are_those_of_the_truth_within_their_errors() -> None:
+    """The curve has fewer functions than the lamp has shape, and water that scatters hangs together with it:
+    by the errors of the shortest curve that passes alone absorption was 3.6 of them off."""
+    scene, truth = Scene.load(FOLDER / "scene.toml"), json.loads((FOLDER / "truth.json").read_text())
+    verdict = diagnose(read_table(FOLDER / "data.csv", scene), scene, advise=False).verdict
+    assert set(verdict.best_set) == {*truth["hidden"], "beam_profile"}
+    path = "water.absorption_per_m"
+    for name, true in {**truth["parameters"], path: truth[path]}.items():
+        found = verdict.ladder[-1].parameters[name]
+        assert abs(found.value - true) < 3 * found.stderr, name
