@@ -7,6 +7,9 @@ import numpy as np
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
+#: The half width that every fit of a Gaussian beam frees.
+WIDTH = "lamp.hwhm_deg"
+
 
 def beam_width_deg(scene: Scene, readings: Readings) -> float:
     """Half width of the beam, roughly, from the readings alone; the scene's value where they do not show it.

@@ -8,6 +8,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
+from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
 from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
@@ -73,6 +74,15 @@ def _family(many: Many, alpha: float) -> list[Tried]:
         if tested.accepted(alpha):
             out.append(tested)
     return out
+
+
+def in_pool(finding: Finding) -> Node | None:
+    """The best set in its pool; None where none was sought, and of many readings, where fits take long."""
+    many, best = finding.many, finding.best
+    if many is None or best is None or many.pool.problem.layout.size > MANY:
+        return None
+    node = many.pool.nodes.get(many.best.key)
+    return node if node is not None and {c.key for c in best.explanation} == node.key else None
 
 
 def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> Finding:

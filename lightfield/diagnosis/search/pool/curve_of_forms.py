@@ -11,13 +11,13 @@ import numpy as np
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.nodes import Node, Pool, begin_at, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.curves import PROFILE, Basis, field_of
 from lightfield.fitting.parameter import is_gain
 from lightfield.scene.lamp.profile import radial_intensity
 
 #: Angles count by their light, and in the dark as if they had this part of that on the axis. Chosen.
 _DIM = 1e-3
-_WIDTH = "lamp.hwhm_deg"
 
 
 def try_curves(pool: Pool, best: Node, candidate: Candidate) -> None:
@@ -40,7 +40,7 @@ def _laid_over(pool: Pool, best: Node, curve: Candidate) -> Begin:
     squared = np.radians(basis.place) ** 2
     light = np.maximum(radial_intensity(lamp, squared), np.finfo(float).tiny)
     ends = {p.path: p for p in best.fit.model.parameters}
-    width = ends.get(_WIDTH)
+    width = ends.get(WIDTH)
     functions = basis.functions[:, : len(curve.amplitudes)]
     columns = np.column_stack([np.ones(len(squared)), *([] if width is None else [squared]), functions])
     weight = np.sqrt(light + _DIM)
@@ -49,7 +49,7 @@ def _laid_over(pool: Pool, best: Node, curve: Candidate) -> Begin:
     paths = {p.path for c in best.explanation if c.name in curve.effect.contains for p in c.parameters}
     u = {path: at for path, at in known.items() if path not in paths}
     if width is not None and solved[1] < 0:
-        u[_WIDTH] = width.coordinate_of(float(np.degrees(np.sqrt(np.log(2.0) / -solved[1]))))
+        u[WIDTH] = width.coordinate_of(float(np.degrees(np.sqrt(np.log(2.0) / -solved[1]))))
     for p, amplitude in zip(curve.amplitudes, amplitudes, strict=True):
         u[p.path] = float(np.clip(p.coordinate_of(float(amplitude)), p.low, p.high))
     slopes = {path: s for path, s in begin_at(best).slopes.items() if path in u}

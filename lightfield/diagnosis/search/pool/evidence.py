@@ -17,6 +17,7 @@ from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.search.pool.planes import water_may_do_it
 from lightfield.diagnosis.search.pool.uneven_lamp import of_an_uneven_lamp
+from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
 Level = Literal["certain", "simplest", "one of", "partial"]
@@ -33,8 +34,6 @@ NAMED_GAP, GAP, PLUS_GAP = 6.0, 3.0, 3.0
 PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
 #: Sets that cost no more than this above the best are accepted beside it: e^-5 of its weight.
 FAMILY = 10.0
-#: The half width of the beam: its range is chosen, and where it lies at its end all sets are compared there.
-_WIDTH = "lamp.hwhm_deg"
 #: What stands in for gains of planes: an attenuation that changes along the tank.
 _K_OF_Z = ("attenuation_profile",)
 
@@ -229,7 +228,8 @@ def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
     Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
     """
     forms = _forms(pool, node, candidate)
-    return _WIDTH in node.bounded or any(p.path in node.bounded for c in forms for p in c.amplitudes)
+    # The range of the width is chosen; where it lies at its end all sets are compared there.
+    return WIDTH in node.bounded or any(p.path in node.bounded for c in forms for p in c.amplitudes)
 
 
 def _forms(

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.problem import MANY
+from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.many import in_pool
 from lightfield.diagnosis.search.pool.evidence import Weighing
+from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.best_set.averaged import averaged
+from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.curves import PROFILE, field_of
 from lightfield.fitting.least_squares import Fit
 
-_WIDTH = "lamp.hwhm_deg"
 #: A second fit begins with the Gaussian under the curve so much wider: it may be a narrow or a wide one, and
 #: a fit ends near where it begins. Chosen: the bundled dive lamp has two such ends, 3.1 and 4.3 degrees.
 _WIDER = 1.3
@@ -25,12 +26,9 @@ _WIDER = 1.3
 
 def with_longer_curve(finding: Finding, best: Tried) -> Tried:
     """The best set, its errors averaged over it and the same with the next longer curve of the lamp."""
-    many = finding.many
-    if many is None or many.pool.problem.layout.size > MANY:
-        return best
-    node = many.pool.nodes.get(many.best.key)
-    longer = None if node is None else _longer(many.pool.problem.candidates, node.explanation)
-    if node is None or longer is None or {c.key for c in best.explanation} != node.key:
+    many, node = finding.many, in_pool(finding)
+    longer = None if many is None or node is None else _longer(many.pool.problem, node.explanation)
+    if many is None or node is None or longer is None:
         return best
     weighing = Weighing.of(many.pool, node)
     problem, whiten = many.pool.problem, many.bench.whiten
@@ -38,28 +36,23 @@ def with_longer_curve(finding: Finding, best: Tried) -> Tried:
     here = np.array([known.get(p.path, p.start) for p in model.parameters])
     fits: list[Fit] = [problem.fit(longer, whiten, [here])]
     for k, p in enumerate(model.parameters):
-        if p.path == _WIDTH:
+        if p.path == WIDTH:
             wide = here.copy()
-            wide[k] = min(p.coordinate_of(_WIDER * node.fit.values[_WIDTH]), p.high)
+            wide[k] = min(p.coordinate_of(_WIDER * node.fit.values[WIDTH]), p.high)
             fits.append(problem.fit(longer, whiten, [wide]))
     fit = min(fits, key=lambda one: one.chi2)
-    price = sum(many.pool.ground.price(c) for c in longer) - sum(
-        map(many.pool.ground.price, node.explanation)
-    )
-    cost = (fit.chi2 - node.fit.chi2) / weighing.phi + price
+    cost = weighing.above(Node(longer, fit))
     return averaged(best, [(float(np.exp(-0.5 * max(cost, 0.0))), fit.values, fit.stderr(weighing.phi))])
 
 
-def _longer(
-    candidates: tuple[Candidate, ...], explanation: tuple[Candidate, ...]
-) -> tuple[Candidate, ...] | None:
+def _longer(problem: Problem, explanation: Explanation) -> Explanation | None:
     """A set with the next longer curve of its lamp; None without a curve, or where it is the longest."""
     for curve in explanation:
         if field_of(curve.amplitudes[0].path) != PROFILE:
             continue
         forms = [
             c
-            for c in candidates
+            for c in problem.candidates
             if c.name == curve.name and len(c.amplitudes) > len(curve.amplitudes) and not c.form.refines
         ]
         if forms:

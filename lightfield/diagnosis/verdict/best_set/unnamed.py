@@ -14,8 +14,8 @@ import numpy as np
 from scipy import special
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.many import in_pool
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.nodes import Node, Pool
 from lightfield.diagnosis.verdict.best_set.averaged import largest, with_an_effect_more, with_others
@@ -117,13 +117,10 @@ def _told(one: _Absent, units: dict[str, str]) -> Unnamed:
 
 def _absent(finding: Finding) -> list[_Absent]:
     """Those that change something, first what the readings ask for most."""
-    many, best = finding.many, finding.best
-    if many is None or best is None or many.pool.problem.layout.size > MANY:
+    node = in_pool(finding)
+    if finding.many is None or node is None:
         return []
-    pool = many.pool
-    node = pool.nodes.get(many.best.key)
-    if node is None or {c.key for c in best.explanation} != node.key:
-        return []
+    pool = finding.many.pool
     weighing = Weighing.of(pool, node)
     out = []
     for other, candidate in _with_one_more(pool, node, weighing.phi):
