@@ -83,27 +83,21 @@ class FollowedLight:
 
     def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
         """Scattered and reflected light for unit on-axis intensity, shape (n_wavelengths, n), m^-2."""
-        reflected = self.response.light(scene, wavelengths_nm, REFLECTED)
-        return np.asarray(self._scattered(scene, wavelengths_nm) * self.ratio + reflected)
+        return self.in_waters(scene, [scene.water], wavelengths_nm)[0]
 
     def in_waters(
         self, scene: Scene, waters: Sequence[Water], wavelengths_nm: Sequence[float | None]
     ) -> Array:
         """The same in waters that differ by what absorbs and scatters, (n_waters, n_wavelengths, n)."""
         reflected = self.response.in_waters(scene, waters, wavelengths_nm, REFLECTED)
-        scenes = [scene.model_copy(update={"water": water}) for water in waters]
-        if describes(scene):
-            scattered = self.field.in_waters(scenes, wavelengths_nm)
-        else:
-            scattered = np.stack([self._scattered(one, wavelengths_nm) for one in scenes])
-        return np.asarray(scattered * self.ratio + reflected)
+        return np.asarray(self._scattered(scene, waters, wavelengths_nm) * self.ratio + reflected)
 
     def errors(
         self, scene: Scene, wavelengths_nm: Sequence[float | None], channel: NDArray[np.integer[Any]]
     ) -> tuple[Array, Array]:
         """As those of a `DiffuseResponse`: few modes, one for each polynomial, and what these leave out."""
         mine = channel, np.arange(len(channel))
-        scattered = self._scattered(scene, wavelengths_nm)[mine]
+        scattered = self._scattered(scene, [scene.water], wavelengths_nm)[0][mine]
         modes, smooth = self.response.errors(scene, wavelengths_nm, channel, REFLECTED)
         return (
             np.hstack([scattered[:, None] * self.root[mine], modes]),
@@ -117,10 +111,21 @@ class FollowedLight:
             root=self.root[:, rows],
         )  # fmt: skip
 
-    def _scattered(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
+    def _scattered(
+        self, scene: Scene, waters: Sequence[Water], wavelengths_nm: Sequence[float | None]
+    ) -> Array:
+        """What was scattered and not reflected, uncorrected, shape (n_waters, n_wavelengths, n)."""
         if describes(scene):
-            return self.field.light(scene, wavelengths_nm)
+            return self._known(scene, waters, wavelengths_nm)
         plain = scene.with_values(_PLAIN, validate=False)
-        here, there = (self.response.light(s, wavelengths_nm, SCATTERED) for s in (scene, plain))
+        here, there = (self.response.in_waters(s, waters, wavelengths_nm, SCATTERED) for s in (scene, plain))
         change = np.divide(here, there, out=np.ones_like(here), where=there > 0)
-        return np.asarray(self.field.light(plain, wavelengths_nm) * change)
+        return np.asarray(self._known(plain, waters, wavelengths_nm) * change)
+
+    def _known(
+        self, scene: Scene, waters: Sequence[Water], wavelengths_nm: Sequence[float | None]
+    ) -> Array:
+        """The same without photons, of a scene that is described."""
+        return self.field.in_waters(
+            [scene.model_copy(update={"water": water}) for water in waters], wavelengths_nm
+        )
