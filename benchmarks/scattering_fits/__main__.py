@@ -35,7 +35,9 @@ def row_of(case: Case, seed: int, mode: str, found: Diagnosis, seconds: float) -
     for path in FOUND:
         if path in known:
             row[path] = f"{known[path].value:.5g}"
-            row[path + " error"] = f"{known[path].stderr:.3g}" if known[path].stderr is not None else ""
+            stated, of_set = known[path].stderr, known[path].stderr_of_set
+            row[path + " error"] = f"{stated:.3g}" if stated is not None else ""
+            row[path + " error of set"] = f"{of_set:.3g}" if of_set is not None else row[path + " error"]
     return row
 
 

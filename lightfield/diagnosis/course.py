@@ -242,6 +242,8 @@ def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:
     if inquiry.is_settled_after:
         finding = in_light_of_photons(prepared.problem, finding)
         also = with_scattering(prepared.problem, finding, inquiry.seed)
+    if finding.best is not None:
+        finding = replace(finding, errors_of_set=finding.best.errors)
     if also is not None:
         finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])
     return Outcome(known.now(prepared, unnamed.in_errors(finding)), trust, also)

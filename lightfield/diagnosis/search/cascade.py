@@ -86,6 +86,8 @@ class Finding:
         The best set of any number of effects, and how sure each of them is.
     base_errors : mapping
         Standard errors by path of the base model, where it is the answer.
+    errors_of_set : mapping
+        Those of the best set as if its effects were known to be all that act.
     """
 
     size: int | None
@@ -99,6 +101,7 @@ class Finding:
     in_part: bool = False
     many: Many | None = None
     base_errors: Mapping[str, float] = field(default_factory=dict)
+    errors_of_set: Mapping[str, float] = field(default_factory=dict)
 
     def without_answer(self, in_no_part: bool = True) -> Finding:
         """The same, where no answer can rest on the readings; nor what explains a part (`in_no_part`)."""

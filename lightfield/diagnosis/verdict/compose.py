@@ -80,11 +80,11 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
     def values(step: Step) -> dict[str, Estimate]:
         # The last rung is the best explanation: its errors are stated once, not in two ways.
         if best is None and not step.explanation:
-            return estimates(step.fit, scale, units, finding.base_errors)
+            return estimates(step.fit, scale, units, finding.base_errors, {})
         if best is None or {c.key for c in step.explanation} != {c.key for c in best.explanation}:
             return estimates(step.fit, scale, units)
         assert best.adequacy is not None
-        return estimates(step.fit, best.adequacy.phi, units, best.errors)
+        return estimates(step.fit, best.adequacy.phi, units, best.errors, finding.errors_of_set)
 
     return [
         Rung(
@@ -107,6 +107,7 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
     out = []
     for k, (tried, weight) in enumerate(zip(finding.accepted, finding.weights, strict=True)):
         assert tried.adequacy is not None
+        of_set = finding.errors_of_set if k == 0 else None
         if k == 0:
             left_out = found.steps[-1].held_out_percent
         elif hold_out and not finding.beyond_two:
@@ -121,7 +122,7 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
                 families=[c.effect.family for c in tried.explanation],
                 forms=[c.form.name for c in tried.explanation],
                 weight=weight,
-                parameters=estimates(tried.fit, tried.adequacy.phi, units, tried.errors),
+                parameters=estimates(tried.fit, tried.adequacy.phi, units, tried.errors, of_set),
                 chi2_per_dof=tried.fit.chi2 * level.bench.phi / max(n - len(tried.fit.u), 1),
                 error_percent=finite(percent(problem, tried.fit.prediction, counted)),
                 held_out_percent=finite(left_out),
@@ -168,7 +169,8 @@ def _of_best(finding: Finding, phi: float, units: dict[str, str]) -> dict[str, E
         return {}
     if finding.best is None:
         phi = max(phi, closest.fit.chi2 / max(finding.n - len(closest.fit.u), 1))
-    return estimates(closest.fit, phi, units, closest.errors)
+        return estimates(closest.fit, phi, units, closest.errors)
+    return estimates(closest.fit, phi, units, closest.errors, finding.errors_of_set)
 
 
 def kind_of(finding: Finding) -> Kind:

@@ -11,9 +11,16 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
+#: An error that is no smaller than this part of the stated one says nothing new.
+_ALIKE = 0.95
+
 
 def estimates(
-    fit: Fit, scale: float, units: dict[str, str], least: Mapping[str, float] | None = None
+    fit: Fit,
+    scale: float,
+    units: dict[str, str],
+    least: Mapping[str, float] | None = None,
+    least_of_set: Mapping[str, float] | None = None,
 ) -> dict[str, Estimate]:
     """Fitted values with errors, or the reason why there is none.
 
@@ -23,11 +30,14 @@ def estimates(
         Pure-error variance in units of the whitening.
     least : mapping, optional
         Smallest errors by path, from a profile.
+    least_of_set : mapping, optional
+        The same, were the effects that are fitted all that act; None: that is not told.
     """
     errors, bound = fit.stderr(scale), fit.at_bound()
     out = {}
     for i, path in enumerate(fit.paths):
         value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
+        of_set = np.fmax(errors[path], (least_of_set or {}).get(path, 0.0))
         reason: Reason | None = None
         if fit.model.parameters[i].is_held:
             reason = Reason.HELD
@@ -39,8 +49,13 @@ def estimates(
             reason = Reason.UNDETERMINED
         elif error > fit.model.parameters[i].width(fit.u[i]):
             reason = Reason.TOO_WIDE
+        is_told = reason is None and least_of_set is not None and of_set < _ALIKE * error
         out[path] = Estimate(
-            value=value, stderr=None if reason else error, unit=units.get(path, "reading"), reason=reason
+            value=value,
+            stderr=None if reason else error,
+            stderr_of_set=of_set if is_told else None,
+            unit=units.get(path, "reading"),
+            reason=reason,
         )
     return out
 

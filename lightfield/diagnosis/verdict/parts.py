@@ -47,6 +47,11 @@ class Estimate(Record):
 
     value: float
     stderr: float | None = Field(None, description="standard error; absent for the reason given")
+    stderr_of_set: float | None = Field(
+        None,
+        description="the standard error if the named effects are all that act; absent: as large as stderr, "
+        "which also knows of effects too small to be named and of sets that do as well; or of another set",
+    )
     unit: str = "1"
     reason: Reason | None = Field(None, description="why there is no error")
 

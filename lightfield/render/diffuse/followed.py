@@ -122,9 +122,7 @@ class FollowedLight:
         change = np.divide(here, there, out=np.ones_like(here), where=there > 0)
         return np.asarray(self._known(plain, waters, wavelengths_nm) * change)
 
-    def _known(
-        self, scene: Scene, waters: Sequence[Water], wavelengths_nm: Sequence[float | None]
-    ) -> Array:
+    def _known(self, scene: Scene, waters: Sequence[Water], wavelengths_nm: Sequence[float | None]) -> Array:
         """The same without photons, of a scene that is described."""
         return self.field.in_waters(
             [scene.model_copy(update={"water": water}) for water in waters], wavelengths_nm

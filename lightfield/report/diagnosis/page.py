@@ -247,7 +247,10 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     for path, estimate in each.parameters.items():
         if path in amplitudes:
             continue
-        values.append(f"{path} = {exactly(estimate)}")
+        alone = estimate.stderr_of_set
+        values.append(
+            f"{path} = {exactly(estimate)}" + (f" (± {alone:.2g} if nothing else acts)" if alone else "")
+        )
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")
     return {

@@ -106,6 +106,25 @@ def test_absorption_beside_a_drift_that_is_too_small_to_be_named() -> None:
     assert np.sum(np.array(off) < 3) == 12 and np.sum(np.array(off) < 2) >= 8
 
 
+def test_beside_the_error_that_knows_of_more_stands_that_of_the_effects_that_are_named() -> None:
+    """By least squares of the logarithm of the same formula, in gain, width, absorption, drift of the lamp.
+
+    Up to the noise, which is judged by the readings: it is in the errors of all.
+    """
+    table = campaign(0, 0.03, 0.02)
+    far, hour = np.hypot(table.x_m, table.z_m), table.time_s / 3600
+    angle = np.degrees(np.arctan2(np.abs(table.x_m), table.z_m))
+    slopes = np.stack([np.ones_like(far), 2 * np.log(2) * angle**2 / 9.0**3, -far, hour], axis=1)
+    errors = np.sqrt(np.diag(np.linalg.inv((slopes.T * (table.value / table.stderr) ** 2) @ slopes)))
+    verdict = diagnose(table, Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
+    assert verdict.best_set == ["lamp_drift"]
+    found = verdict.ladder[-1].parameters
+    water, beam = found["water.absorption_per_m"], found["lamp.hwhm_deg"]
+    assert water.stderr > 1.5 * water.stderr_of_set
+    ratio = water.stderr_of_set / (beam.stderr_of_set or beam.stderr)
+    assert ratio == pytest.approx(errors[2] / errors[1], rel=0.1)
+
+
 def test_absorption_read_from_near_to_far_knows_that_the_lamp_may_drift() -> None:
     """Time is distance there: nothing tells a drift of the lamp from water; errors have its typical size."""
     table = campaign(3, 0.0, 0.0)
