@@ -63,7 +63,7 @@ Between walls scattering is hardly told from absorption: walls alone, more absor
 the readings too. The simpler model is named, for sure. Its errors reach what its values would be with
 scattering of the scene's phase function, and a warning says so; the values themselves stay those without.
 
-| truth, 1/m | light | n | named | mean b | stated | scatter | pull | rms | in 1 | in 2 | all | of set | noise |
+| truth, 1/m | light | n | named | b | stated | scatter | pull | rms | in 1 | in 2 | all | of set | noise |
 |---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|
 """
 
