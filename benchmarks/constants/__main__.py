@@ -22,7 +22,7 @@ from lightfield.render.diffuse import source
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS
 from lightfield.render.maps import render_scene
 from lightfield.render.reflected import orders, room
-from lightfield.render.reflected.light import ReflectedLight
+from lightfield.render.reflected.reflected_light import ReflectedLight
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 

@@ -23,6 +23,8 @@ from lightfield.formula.vector import direct_flux, on_receivers
 from lightfield.render.flux.traced_field import TracedField
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
+from lightfield.studies.follower.array_light import ArrayModel, Space, light_of, pose_names
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design import (
     ArraySetting,
     Mounting,
@@ -33,8 +35,6 @@ from lightfield.studies.follower.design import (
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import placed
 from lightfield.studies.follower.information import nuisances_of
-from lightfield.studies.follower.light import ArrayModel, Space, light_of, pose_names
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.tracking import Tracker

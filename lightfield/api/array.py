@@ -13,8 +13,8 @@ from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
 from lightfield.studies.follower import design, survey
+from lightfield.studies.follower.array_light import Space
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import Space
 from lightfield.studies.follower.survey import DOCKING
 
 if TYPE_CHECKING:

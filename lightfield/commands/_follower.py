@@ -11,7 +11,7 @@ from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
 
 if TYPE_CHECKING:
-    from lightfield.studies.follower.light import Space
+    from lightfield.studies.follower.array_light import Space
 
 PHOTONS = 1e7
 
@@ -39,7 +39,7 @@ def scene_asked(args: argparse.Namespace) -> Scene:
 
 def space_of(scene: Scene, args: argparse.Namespace) -> Space:
     """The formation space that the options describe."""
-    from lightfield.studies.follower.light import Space
+    from lightfield.studies.follower.array_light import Space
 
     half = args.half_width
     if half is None:

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene)
     output_file(args.output, args.scene)
     from lightfield.render.picture import take_picture
-    from lightfield.report.light import write_picture
+    from lightfield.report.light_figures import write_picture
 
     with stage_line("the picture") as told:
         taken = take_picture(

@@ -60,7 +60,7 @@ def _render(scene: Scene, wavelengths: np.ndarray | None, folder: Path, args: ar
     if not args.no_exr and planes:
         written += write_exr_planes(dataset, folder)
     if not args.no_figures and planes:
-        from lightfield.report.light import planes_figure
+        from lightfield.report.light_figures import planes_figure
         from lightfield.report.style import save_png
 
         written.append(save_png(planes_figure(dataset), folder / "maps.png"))

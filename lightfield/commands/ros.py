@@ -25,7 +25,7 @@ def run(args: argparse.Namespace) -> int:
     photons = photons_of(args)
     from lightfield.robots.ros import Bridge, ros
     from lightfield.robots.ros import spin as spin
-    from lightfield.studies.follower.light import light_of
+    from lightfield.studies.follower.array_light import light_of
     from lightfield.studies.follower.pose import Estimator
     from lightfield.studies.follower.survey import array_of
 

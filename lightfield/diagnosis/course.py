@@ -18,7 +18,7 @@ from lightfield.diagnosis.search.cascade import Finding, search
 from lightfield.diagnosis.search.many import beyond_two, levelled
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
-from lightfield.diagnosis.search.progress import Progress
+from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, refutation

@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
+from lightfield.diagnosis.adequacy.templates import slope_at
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
@@ -199,10 +200,9 @@ def _columns(
             shape = candidate.grid[0]
             values = base.values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
             first = candidate.amplitudes[0]
-            step = first.step if first.start + first.step <= first.high else -first.step
-            typical = candidate.typical[0] if step > 0 else -candidate.typical[0]
-            moved, grown = (values | {first.path: first.value(first.start + by)} for by in (step, typical))
-            column = (forward.predict(moved) - at) / step
+            typical = candidate.typical[0] * np.sign(first.step_from(first.start))
+            grown = values | {first.path: first.value(first.start + typical)}
+            column = slope_at(forward, values, first, at)
             own = own_error(forward, grown) * abs(sizes[candidate.name] / typical)
             out[candidate.name] = _Elsewhere(column, own)
     return slopes, out

@@ -33,7 +33,7 @@ from lightfield.diagnosis.search.pool.evidence import (
     evidence,
     may_be_another_lamp,
 )
-from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import whitened_test

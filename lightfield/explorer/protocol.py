@@ -17,7 +17,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter,
 
 from lightfield.arrays import Array, jsonable
 from lightfield.errors import UsageError
-from lightfield.scene.own.effect import Name, Stage
+from lightfield.scene.own.own_effect import Name, Stage
 
 #: A request is at most so many bytes; one that brings a file, so many. Chosen: a reading table of 20 000 rows
 #: has two megabytes.

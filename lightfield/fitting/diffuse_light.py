@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.fitting.beam_width import beam_width_deg
-from lightfield.formula.own import lit
+from lightfield.formula.own_formulas import lit
 from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.render.diffuse.followed import field_at

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.fitting.light_source import LightSource
 from lightfield.fitting.parameter import GAIN
-from lightfield.formula.own import lit
+from lightfield.formula.own_formulas import lit
 from lightfield.readings import units
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on

@@ -21,7 +21,7 @@ from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on, paths_on
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.profile import table_of
-from lightfield.scene.own.effect import OwnEffect
+from lightfield.scene.own.own_effect import OwnEffect
 
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120

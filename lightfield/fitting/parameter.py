@@ -89,6 +89,10 @@ class FitParameter:
             return float((10.0 / value) ** 2) if value > 0 else 0.0
         return float(value)
 
+    def step_from(self, u: float) -> float:
+        """Step of a difference that does not leave the bounds."""
+        return self.step if u + self.step <= self.high else -self.step
+
     def slope(self, u: float) -> float:
         """Derivative of the scene value with respect to the fit's coordinate."""
         if self.coordinate == "log":
@@ -136,7 +140,7 @@ class Model:
         for i, parameter in enumerate(self.parameters):
             if parameter.is_held:
                 continue
-            step = parameter.step if u[i] + parameter.step <= parameter.high else -parameter.step
+            step = parameter.step_from(u[i])
             moved = u.copy()
             moved[i] += step
             columns[:, i] = (self.predict(moved) - prediction) / step

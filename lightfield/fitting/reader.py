@@ -11,7 +11,7 @@ from lightfield.arrays import Array
 from lightfield.fitting.gains import Gains
 from lightfield.fitting.scene_of_values import REMEMBERED, Chosen, SceneOfValues, chosen
 from lightfield.formula import closed_form as analytic
-from lightfield.formula import own
+from lightfield.formula import own_formulas
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -48,7 +48,7 @@ class Reader:
         reading = analytic.readout(self._scene(values), signal, self.full, self._taken)
         if not self.scenes.scene.effect:
             return reading
-        return own.shown(self.scenes.of_those(values, _POSE), reading, self.full, *self._where)
+        return own_formulas.shown(self.scenes.of_those(values, _POSE), reading, self.full, *self._where)
 
     def per_light(self, values: Mapping[str, float]) -> Array:
         """Reading per unit of light, before saturation, shape (n,)."""
@@ -71,7 +71,7 @@ class Reader:
         """What the user's own effects at source and receiver make of all light, shape (n,)."""
         if not self.scenes.scene.effect:
             return 1.0
-        return own.factor(self.scenes.of_those(values, _POSE), ("source", "receiver"), *self._where)
+        return own_formulas.factor(self.scenes.of_those(values, _POSE), ("source", "receiver"), *self._where)
 
     @property
     def _where(self) -> tuple[Array, ...]:

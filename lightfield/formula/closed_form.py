@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
-from lightfield.formula import own
+from lightfield.formula import own_formulas
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
 from lightfield.formula.readout import Taken, halves, immersed, plane_gain, readout, spectra, time_factor
 from lightfield.scene.acts import Acts
@@ -156,8 +156,8 @@ def direct_field(
     x, y, z = (np.asarray(v, dtype=float) for v in (x_m, y_m, z_m))
     if not x.shape == y.shape == z.shape:
         x, y, z = np.broadcast_arrays(x, y, z)
-    in_air, scene = air_mask(medium), own.lit(scene)
-    lamp, on_path = scene.lamp, own.factor(scene, ("path",), x, y, z, wavelength_nm)
+    in_air, scene = air_mask(medium), own_formulas.lit(scene)
+    lamp, on_path = scene.lamp, own_formulas.factor(scene, ("path",), x, y, z, wavelength_nm)
     if lamp.radius_m == 0.0:
         return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
     total = np.zeros(x.shape)
@@ -272,8 +272,8 @@ def predict(
     if not scene.effect:
         return readout(scene, light, full, taken)
     where = (*places, stated, time)
-    found = readout(scene, light * own.factor(scene, ("source", "receiver"), *where), full, taken)
-    return own.shown(scene, found, float(np.abs(found).max()) if full is None else full, *where)
+    found = readout(scene, light * own_formulas.factor(scene, ("source", "receiver"), *where), full, taken)
+    return own_formulas.shown(scene, found, float(np.abs(found).max()) if full is None else full, *where)
 
 
 def paper_model(

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.nodes import in_cell
+from lightfield.formula.scattered.quadrature import in_cell
 
 
 def cell_mean(

@@ -17,7 +17,7 @@ from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.direct import direct_at
 from lightfield.render.maps import Rendering, render_scene, software
-from lightfield.render.response import store
+from lightfield.render.response import response_cache
 from lightfield.render.response.grid import positions_grid
 from lightfield.scene import Scene
 from lightfield.scene.bands import at_wavelengths, over_bands, read_nm
@@ -71,11 +71,11 @@ def rendered_light(
     if ages(scene.water):
         places["time"] = time
     key = {"kind": "light at readings", "scene": scene.digest(), "software": software(), **places, **settings}
-    stored = store.load(key)
+    stored = response_cache.load(key)
     if stored is None:
         light, error = _render(scene, x, y, z, dry, channels, time, **settings)
         stored = {"light": light, "error": error}
-        store.save(key, stored)
+        response_cache.save(key, stored)
     return stored["light"], stored["error"]
 
 

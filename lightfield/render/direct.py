@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lightfield.formula.own import factor, lit
+from lightfield.formula.own_formulas import factor, lit
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import positions_grid, reference_of
 from lightfield.scene import Scene

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.formula.own import factor, lit
+from lightfield.formula.own_formulas import factor, lit
 from lightfield.render.backend import use_backend
-from lightfield.render.response import store
+from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import OnProgress, Settings
@@ -166,7 +166,7 @@ def render_scene(
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
     if path_nodes is not None:
         key["path_nodes"] = path_nodes
-    stored = store.load(key) if cache else None
+    stored = response_cache.load(key) if cache else None
     if stored is not None:
         response, energy = TransportResponse.unpacked(stored, chosen), Bookkeeping(*stored["energy"].tolist())
         return Rendering(scene, response, grid, energy, float(stored["reached"]), settings)
@@ -178,7 +178,7 @@ def render_scene(
     response, energy, reached = trace_until(scene, grid, chosen, settings, progress, path_nodes)
     if cache:
         found = {"energy": np.array(astuple(energy)), "reached": np.array(reached)}
-        store.save(key, response.packed() | found)
+        response_cache.save(key, response.packed() | found)
     return Rendering(scene, response, grid, energy, reached, settings)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from lightfield.errors import RenderError
-from lightfield.formula.own import lit
+from lightfield.formula.own_formulas import lit
 from lightfield.render.backend import use_backend
 from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
 from lightfield.render.shown_as import Shown, ShownAs

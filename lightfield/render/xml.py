@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.formula.own import lit
+from lightfield.formula.own_formulas import lit
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import scene_grid
 from lightfield.scene import Scene

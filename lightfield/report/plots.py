@@ -16,7 +16,7 @@ from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.readings import Readings
 from lightfield.render.picture import Picture, tone_mapped
 from lightfield.report.compare.figures import SHORT_UNITS
-from lightfield.report.light import DECADES
+from lightfield.report.light_figures import DECADES
 from lightfield.report.style import (
     FORMULA,
     GOOD,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
-from lightfield.scene.own.effect import OwnEffect
+from lightfield.scene.own.own_effect import OwnEffect
 from lightfield.scene.parameters import Parameter, acts_of
 from lightfield.scene.water.water import Water
 

@@ -34,7 +34,7 @@ from lightfield.scene.listed import (
     with_listed,
 )
 from lightfield.scene.messages import ABSENT, absent_error, nearest_keys, scene_error
-from lightfield.scene.own.effect import MOST_EFFECTS, OwnEffect
+from lightfield.scene.own.own_effect import MOST_EFFECTS, OwnEffect
 from lightfield.scene.parameters import (
     FOLDER_KEY,
     Parameter,

@@ -24,7 +24,7 @@ import numpy as np
 
 from lightfield import __version__
 from lightfield.errors import OutputError
-from lightfield.render.response.store import FORMAT as TRANSPORT_FORMAT
+from lightfield.render.response.response_cache import FORMAT as TRANSPORT_FORMAT
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.sweep import journal, zarrfile

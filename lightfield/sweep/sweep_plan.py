@@ -14,7 +14,7 @@ from lightfield.errors import LightfieldError, UsageError, one_line
 from lightfield.render.maps import transport_key
 from lightfield.render.response.grid import Grid, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
-from lightfield.render.response.store import digest_of
+from lightfield.render.response.response_cache import digest_of
 from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts

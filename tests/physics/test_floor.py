@@ -12,7 +12,7 @@ from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.maps import render_scene
-from lightfield.render.reflected.light import ReflectedLight
+from lightfield.render.reflected.reflected_light import ReflectedLight
 from lightfield.scene import Scene
 
 TANK = {"width_m": 2.0, "depth_m": 1.4, "length_m": 6.0, "behind_lamp_m": 0.4, "lamp_depth_m": 0.6}

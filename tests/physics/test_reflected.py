@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lightfield.render.reflected.from_lamp import fresnel, image_of_lamp
-from lightfield.render.reflected.light import ReflectedLight
 from lightfield.render.reflected.orders import REFLECTIONS, reflections_of
 from lightfield.render.reflected.patches import transfer
+from lightfield.render.reflected.reflected_light import ReflectedLight
 from lightfield.render.reflected.room import OFTEN, Room
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr

@@ -10,7 +10,7 @@ from scattering_water import scene
 from scipy.special import j0
 
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
-from lightfield.formula.scattered.nodes import (
+from lightfield.formula.scattered.quadrature import (
     emission,
     finest_rad,
     half_width_rad,

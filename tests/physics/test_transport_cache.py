@@ -15,7 +15,7 @@ from lightfield.render.backend import limited_threads, use_backend
 from lightfield.render.maps import Rendering, render_scene, transport_key
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference
-from lightfield.render.response.store import digest_of
+from lightfield.render.response.response_cache import digest_of
 from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts

@@ -15,8 +15,8 @@ from lightfield.render.at_readings import render_positions
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.render.diffuse.directed import Keeper
-from lightfield.render.diffuse.errors import LEFT_OUT
 from lightfield.render.diffuse.source import DiffuseResponse, response_for
+from lightfield.render.diffuse.trace_errors import LEFT_OUT
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import cell_of
 from lightfield.render.tracer.accumulate import BATCHES, DIRECTION_BATCHES
@@ -237,7 +237,7 @@ def test_errors_gathered_by_plane(response: DiffuseResponse, monkeypatch: pytest
         scene = SCENE.with_values({"tank.surface_reflectance": surface})
         modes, _ = response.errors(scene, [450.0, 650.0], channel)
         with monkeypatch.context() as patch:
-            patch.setattr("lightfield.render.diffuse.errors.MANY", 5)
+            patch.setattr("lightfield.render.diffuse.trace_errors.MANY", 5)
             few, _ = response.errors(scene, [450.0, 650.0], channel)
         size = np.linalg.norm(modes, axis=1)
         apart = np.abs(few @ few.T - modes @ modes.T) / np.outer(size, size)

@@ -12,7 +12,7 @@ import pytest
 from beams import aside, phi_table
 from pydantic import ValidationError
 
-from lightfield.formula.own import lit
+from lightfield.formula.own_formulas import lit
 from lightfield.render.reflected.from_lamp import fresnel
 from lightfield.render.reflected.patches import walls
 from lightfield.render.response.grid import Grid, scene_grid

@@ -20,7 +20,7 @@ from lightfield.render.at_readings import rendered_light
 from lightfield.render.backend import use_backend
 from lightfield.render.maps import render_scene
 from lightfield.render.reflected.from_lamp import fresnel
-from lightfield.render.reflected.light import TWO_FACETS, ReflectedLight
+from lightfield.render.reflected.reflected_light import TWO_FACETS, ReflectedLight
 from lightfield.render.reflected.waves import seen
 from lightfield.scene import Scene
 

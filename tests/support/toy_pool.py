@@ -8,9 +8,9 @@ from toy_problem import Toy, candidate, curve, layout, waves
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
-from lightfield.diagnosis.search.pool.nodes import Ground, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.progress import SILENT
+from lightfield.diagnosis.search.search_progress import SILENT
 
 
 def more_waves(lay) -> dict[str, np.ndarray]:

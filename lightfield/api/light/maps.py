@@ -120,7 +120,7 @@ class Maps(Result[xr.Dataset]):
         return pd.DataFrame(rows)
 
     def _page(self) -> str:
-        from lightfield.report.light import planes_figure
+        from lightfield.report.light_figures import planes_figure
         from lightfield.report.result import result_page
 
         draw = [planes_figure] if "z_m" in self.details.dims else []

@@ -99,7 +99,7 @@ class Picture(Result[camera.Picture]):
         OutputError
             The name does not end in .png, or it cannot be written.
         """
-        from lightfield.report.light import write_picture
+        from lightfield.report.light_figures import write_picture
 
         target = Path(path)
         if target.suffix.lower() != ".png":

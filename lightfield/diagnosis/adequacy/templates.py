@@ -14,7 +14,7 @@ from lightfield.diagnosis.problem.layout import LINE_DECIMALS, PLACE_DECIMALS, L
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit, Whiten
-from lightfield.fitting.parameter import FitParameter
+from lightfield.fitting.parameter import FitParameter, Forward
 from lightfield.scene.tank import OPENS_THE_TOP
 
 #: Half width at 1/e of a structure that stands in the light, in metres: a rod, a cable. Chosen.
@@ -70,7 +70,7 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
             shared = candidate.effect.diffuse and candidate.shapes
             at = problem.forward.predict(with_shape) if shared else fit.prediction
             for parameter in candidate.amplitudes:
-                raw.append(problem.keep * _slope(problem, with_shape, parameter, at))
+                raw.append(problem.keep * slope_at(problem.forward, with_shape, parameter, at))
             labels.append((candidate, shape, len(candidate.amplitudes)))
     if not raw:
         return ()
@@ -82,14 +82,12 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
     return tuple(templates)
 
 
-def _slope(problem: Problem, values: Mapping[str, float], parameter: FitParameter, at: Array) -> Array:
-    """Change of the readings per unit of a parameter at its neutral value, where they are `at`."""
-    step = parameter.step if parameter.start + parameter.step <= parameter.high else -parameter.step
+def slope_at(forward: Forward, values: Mapping[str, float], parameter: FitParameter, at: Array) -> Array:
+    """Change of the readings per unit of a parameter at its neutral value, where they are `at`; shape (n,)."""
+    step = parameter.step_from(parameter.start)
 
     def predict(steps: int) -> Array:
-        return problem.forward.predict(
-            {**values, parameter.path: parameter.value(parameter.start + steps * step)}
-        )
+        return forward.predict({**values, parameter.path: parameter.value(parameter.start + steps * step)})
 
     if parameter.path == OPENS_THE_TOP:  # a step, not a slope
         return np.asarray((predict(2) - predict(1)) / step)

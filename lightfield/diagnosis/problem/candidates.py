@@ -17,7 +17,7 @@ from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.parameter import FitParameter
 from lightfield.formula.path import attenuation_per_m
-from lightfield.render.reflected.light import applies
+from lightfield.render.reflected.reflected_light import applies
 from lightfield.scene import Scene
 from lightfield.scene.parameters import Parameter
 from lightfield.scene.water.library import pure_water_absorption

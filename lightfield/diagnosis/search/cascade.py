@@ -19,7 +19,7 @@ from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.pool.any_number import Many
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at
-from lightfield.diagnosis.search.progress import SILENT, Progress
+from lightfield.diagnosis.search.search_progress import SILENT, Progress
 from lightfield.diagnosis.search.small_sets import (
     Fitted,
     Tried,

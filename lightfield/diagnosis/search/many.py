@@ -13,11 +13,11 @@ from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
 from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
-from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared
-from lightfield.diagnosis.search.progress import Progress
+from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.small_sets import Tried, bic, weights
 
 #: Accepted sets that are tested and told, and sets that came near them.

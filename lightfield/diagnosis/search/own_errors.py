@@ -14,9 +14,9 @@ import numpy as np
 from lightfield.diagnosis.problem.noise import FEW, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.profile import restarted
+from lightfield.diagnosis.search.profile_likelihood import restarted
 from lightfield.fitting.least_squares import Fit
-from lightfield.render.diffuse.errors import as_few
+from lightfield.render.diffuse.trace_errors import as_few
 
 #: Water that differs by so much, relatively, from the traced one is also looked for at that one. Chosen.
 FAR_FROM_TRACED = 0.2

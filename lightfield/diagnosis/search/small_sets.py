@@ -16,7 +16,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import on_sample
-from lightfield.diagnosis.search.profile import LOWER, ROUGH_STEPS, lowest, profiled, restarted
+from lightfield.diagnosis.search.profile_likelihood import LOWER, ROUGH_STEPS, lowest, profiled, restarted
 from lightfield.fitting.least_squares import Fit
 
 Fitted = tuple[Explanation, Fit]

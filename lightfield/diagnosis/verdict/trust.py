@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.aside import structure
+from lightfield.diagnosis.adequacy.slips import structure
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding

@@ -14,7 +14,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-from lightfield.scene.own.effect import OwnEffect, OwnParameter
+from lightfield.scene.own.own_effect import OwnEffect, OwnParameter
 
 FAMILY = "local unknown"
 #: Widths from that of a rope (2 cm) to a quarter of a scan; times as parts of it; periods from two readings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lightfield.fitting.effects.effect import Effect, Form, Free
 from lightfield.scene import Scene
 from lightfield.scene.listed import OWN
-from lightfield.scene.own.effect import STARTS, OwnEffect
+from lightfield.scene.own.own_effect import STARTS, OwnEffect
 
 
 def effects_of(scene: Scene) -> tuple[Effect, ...]:

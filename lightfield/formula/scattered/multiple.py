@@ -24,7 +24,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.nodes import HALF_PI, emission, finest_rad, interval, shares_at, turns
+from lightfield.formula.scattered.quadrature import HALF_PI, emission, finest_rad, interval, shares_at, turns
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.water.phase.spec import TracedPhase
 

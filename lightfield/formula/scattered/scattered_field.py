@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from lightfield.arrays import Array
 from lightfield.formula.scattered.closure import closure
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
-from lightfield.formula.scattered.nodes import (
+from lightfield.formula.scattered.quadrature import (
     EmissionTable,
     half_width_rad,
     mean_cosine,
@@ -36,7 +36,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, has_round_section, is_tilted
 from lightfield.scene.lamp.lamp import Lamp
-from lightfield.scene.receiver import looks_aside
+from lightfield.scene.receiver import is_cosine
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import within_band
 from lightfield.scene.water.layers import layers_depth
@@ -64,13 +64,11 @@ _CLEAREST_PER_M = 1e-6
 def describes(scene: Scene) -> bool:
     """Is the scene's scattered light of the kind that is followed here?
 
-    A round beam of finite width, and receivers of plane irradiance that face along the axis.
+    A round beam of finite width, and plain cosine receivers of irradiance that face along the axis.
     """
-    detector, lamp = scene.detector, scene.lamp
-    facing = (
-        detector.quantity == "irradiance" and not looks_aside(detector) and not detector.acceptance_hwhm_deg
-    )
-    return facing and lamp.profile not in ("isotropic", "pencil") and has_round_section(lamp)
+    lamp = scene.lamp
+    round_beam = lamp.profile not in ("isotropic", "pencil") and has_round_section(lamp)
+    return is_cosine(scene.detector) and round_beam
 
 
 class _Seen(NamedTuple):

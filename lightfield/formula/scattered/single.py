@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.nodes import EmissionTable, interval, turns
+from lightfield.formula.scattered.quadrature import EmissionTable, interval, turns
 from lightfield.scene.water.phase.spec import TracedPhase
 
 #: Nodes along an arc are densest where it crosses the beam, within so many of its half widths.

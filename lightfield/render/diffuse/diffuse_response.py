@@ -22,10 +22,10 @@ from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
-from lightfield.render.diffuse.errors import ClassLight, relative_modes
 from lightfield.render.diffuse.shift import Shift
+from lightfield.render.diffuse.trace_errors import ClassLight, relative_modes
 from lightfield.render.diffuse.traced import TracedWater
-from lightfield.render.reflected.light import ReflectedLight
+from lightfield.render.reflected.reflected_light import ReflectedLight
 from lightfield.render.response.response import CLASSES, FROM_WALLS
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import beyond_window

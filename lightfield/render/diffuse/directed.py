@@ -16,7 +16,7 @@ from lightfield.progress import heard_by, step
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.between_g import SHAPES
 from lightfield.render.maps import transport_key
-from lightfield.render.response import store
+from lightfield.render.response import response_cache
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.grid import Grid, angle_nodes
 from lightfield.render.response.response import NEVER_SCATTERED, Reference, light_classes
@@ -147,17 +147,17 @@ class Keeper:
     def of(self, trace: DirectedTrace) -> dict[str, Array]:
         """What a trace gives, made only where it is not kept."""
         key = trace.key
-        stored = store.load(key) if self.cache else None
+        stored = response_cache.load(key) if self.cache else None
         if stored is None and self.cache and self.elsewhere is not None:
             self.elsewhere(functools.partial(_keep, key, trace.made))
-            stored = store.load(key)
+            stored = response_cache.load(key)
         if stored is None:
             stored = trace.made(self.told)
             if self.cache:
-                store.save(key, stored)
+                response_cache.save(key, stored)
         return stored
 
 
 def _keep(key: Mapping[str, Any], traced: Callable[[Told], dict[str, Array]], told: Told) -> None:
     """Trace into the cache."""
-    store.save(key, traced(told))
+    response_cache.save(key, traced(told))

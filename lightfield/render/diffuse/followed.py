@@ -20,7 +20,7 @@ from lightfield.scene.water.water import Water
 #: What only a response follows, switched off: there the light without photons begins.
 _PLAIN = neutral_values(
     "lamp.ellipticity", "lamp.asymmetry_x", "lamp.asymmetry_y",
-    "detector.acceptance_hwhm_deg", "detector.tilt_x_deg",
+    "detector.acceptance_hwhm_deg", "detector.cosine_error", "detector.tilt_x_deg",
 )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from numpy.polynomial.legendre import legvander
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
-from lightfield.formula.scattered.nodes import half_width_rad, in_cell
+from lightfield.formula.scattered.quadrature import half_width_rad, in_cell
 from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import Grid

@@ -18,7 +18,7 @@ from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.directed import DirectedTrace, Keeper
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
-from lightfield.render.reflected.light import ReflectedLight, applies
+from lightfield.render.reflected.reflected_light import ReflectedLight, applies
 from lightfield.render.response.beam_tallies import BeamTallies, Sent
 from lightfield.render.response.grid import Grid, fineness, positions_grid, straight_path
 from lightfield.render.response.response import (

@@ -16,7 +16,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.render.diffuse.between_g import BetweenG
-from lightfield.render.diffuse.errors import ClassLight, TraceErrors
+from lightfield.render.diffuse.trace_errors import ClassLight, TraceErrors
 from lightfield.render.response.beam_tallies import BeamTallies, roots
 from lightfield.render.response.response import (
     CLASSES,

@@ -28,7 +28,7 @@ from lightfield.render.flux.history_splines import HistorySplines
 from lightfield.render.flux.spline import Splines
 from lightfield.render.limits import check_photons
 from lightfield.render.maps import transport_key
-from lightfield.render.response import store
+from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene
@@ -110,7 +110,7 @@ def traced_field(
     _check(scene, region)
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "flux", **transport_key(scene, grid, chosen), "photons": photons, "seed": seed}
-    stored = store.load(key) if cache else None
+    stored = response_cache.load(key) if cache else None
     if stored is not None:
         return TracedField(scene, grid, TransportResponse.unpacked(stored, chosen))
     use_backend()
@@ -118,7 +118,7 @@ def traced_field(
 
     response = trace_flux(scene, grid, chosen, int(photons), seed)
     if cache:
-        store.save(key, response.packed())
+        response_cache.save(key, response.packed())
     return TracedField(scene, grid, response)
 
 

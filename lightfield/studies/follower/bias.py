@@ -23,10 +23,7 @@ from lightfield.arrays import Array
 from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.studies.follower.elements import Elements, elements_of
-from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.information import NOTHING_M, is_told
-from lightfield.studies.follower.light import (
+from lightfield.studies.follower.array_light import (
     STEP,
     ArrayModel,
     FormulaLight,
@@ -35,7 +32,10 @@ from lightfield.studies.follower.light import (
     light_of,
     pose_names,
 )
-from lightfield.studies.follower.noise import SensorNoise
+from lightfield.studies.follower.array_noise import SensorNoise
+from lightfield.studies.follower.elements import Elements, elements_of
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.information import NOTHING_M, is_told
 from lightfield.studies.follower.pose_search import find_minima
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.light_at import refuse_dark

@@ -25,11 +25,11 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, Light, Space, light_of, pose_names
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import TASK_UNITS, jackknife, nuisances_of
-from lightfield.studies.follower.light import ArrayModel, Light, Space, light_of, pose_names
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.survey import array_of
 
 Task = Literal["formation", "docking"]

@@ -20,9 +20,9 @@ import numpy as np
 
 from lightfield.arrays import Array, finite
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel
+from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.frames import POSE, in_degrees
-from lightfield.studies.follower.light import LAMP_TILTS, ArrayModel
-from lightfield.studies.follower.noise import PERCENT, SensorNoise
 
 #: Errors that a task feels alike, m and rad: 1 cm across, 10 cm along the beam, 1 degree (chosen).
 TASK_UNITS = dict(zip(POSE, (0.01, 0.01, 0.1, *np.radians([1.0, 1.0, 1.0])), strict=True))

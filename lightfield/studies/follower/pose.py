@@ -16,11 +16,11 @@ from scipy.stats import chi2 as chi2_distribution
 
 from lightfield.arrays import Array
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, Light, Space, pose_names
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees, in_frame
 from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
-from lightfield.studies.follower.light import ArrayModel, Light, Space, pose_names
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
 from lightfield.studies.follower.rival_poses import RivalPose, nearest_alike, others
 from lightfield.studies.follower.survey import array_of

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.studies.follower.array_light import MARGIN_M, ArrayModel, Space
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import MARGIN_M, ArrayModel, Space
 
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
 DAMPING, EASED, STIFFENED = 1e-3, 0.2, 8.0

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.studies.follower.array_light import ArrayModel
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.frames import POSE, in_degrees, wrapped
-from lightfield.studies.follower.light import ArrayModel
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose_search import Minima, find_minima, starts_in
 
 #: Rivals are nearer than this many sigma (the word of a diagnosis: what noise alone can make alike).

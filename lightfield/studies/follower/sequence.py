@@ -11,9 +11,9 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import Space, light_of
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
-from lightfield.studies.follower.light import Space, light_of
 from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimator, PoseEstimate
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.table import read_samples

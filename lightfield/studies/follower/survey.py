@@ -12,11 +12,11 @@ from lightfield.arrays import jsonable
 from lightfield.errors import SceneError
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
+from lightfield.studies.follower.array_light import ArrayModel, Space, light_of, pose_names
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, pose_of
 from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
-from lightfield.studies.follower.light import ArrayModel, Space, light_of, pose_names
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose_search import box_of
 from lightfield.studies.follower.rival_poses import RivalPose, rivals
 

@@ -18,10 +18,10 @@ from lightfield.progress import tell
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
+from lightfield.studies.follower.array_light import Light, Space, pose_names
+from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations, wrapped
-from lightfield.studies.follower.light import Light, Space, pose_names
-from lightfield.studies.follower.noise import PERCENT, SensorNoise
 from lightfield.studies.following.control import Law, law_of
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.observer import Observer

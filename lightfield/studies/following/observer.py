@@ -8,9 +8,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
+from lightfield.studies.follower.array_light import ArrayModel, Space
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import ArrayModel, Space
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.pose_search import box_of, find_minima
 from lightfield.studies.follower.rival_poses import NEAR_SIGMA

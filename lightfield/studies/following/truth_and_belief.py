@@ -11,10 +11,10 @@ from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.in_tank import follower_in
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, Space, light_of
+from lightfield.studies.follower.array_noise import PERCENT
 from lightfield.studies.follower.bias import CLEAR, FITTED, RELATIVE, believed
 from lightfield.studies.follower.elements import Elements
-from lightfield.studies.follower.light import ArrayModel, FormulaLight, Light, Space, light_of
-from lightfield.studies.follower.noise import PERCENT
 
 #: Room about the way, m: across, towards the lamp and away from it (chosen; a follower that believes a wrong
 #: light

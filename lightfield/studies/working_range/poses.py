@@ -10,10 +10,10 @@ from lightfield.arrays import Array
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
 from lightfield.scene.lamp.frame import beam_axes
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, pose_names
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.information import UNKNOWN, Bound, nuisances_of, with_doubt
-from lightfield.studies.follower.light import ArrayModel, FormulaLight, Light, pose_names
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.working_range.smooth_light import smooth_light
 
 #: The array of a scene that has none: that which the group's own later work settled on (Eren 2015, thesis,

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.nodes import in_cell
+from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.formula.vector import by_place, direct_flux, on_receivers
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.render.response.grid import COMPONENTS, Grid

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import finite
-from lightfield.studies.follower.light import LAMP_TILTS
+from lightfield.studies.follower.array_light import LAMP_TILTS
 from lightfield.studies.working_range.reaches import POSE_RULES, RELATIVE, Reach
 from lightfield.studies.working_range.study import WorkingRange
 

@@ -18,8 +18,8 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.maps.dataset import to_dataset
 from lightfield.studies.compare.maps import compare
 from lightfield.studies.compare.readings import fit_readings
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.light import ArrayModel, FormulaLight
 
 SCENES = Path(__file__).resolve().parents[3] / "scenes"
 

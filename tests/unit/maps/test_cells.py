@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.formula.scattered.nodes import in_cell
+from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.maps.cells import axis_cells, cell_mean, pitch_m
 
 

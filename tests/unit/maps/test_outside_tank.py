@@ -12,7 +12,7 @@ from lightfield.maps.exr import SpectralImage, read_spectral_exr, write_spectral
 from lightfield.maps.spot import Unmeasured, spot_shape
 from lightfield.render.response.grid import scene_grid
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
-from lightfield.report.light import planes_figure
+from lightfield.report.light_figures import planes_figure
 from lightfield.studies.compare.maps import as_text, compare
 from lightfield.sweep.derived import derive
 

@@ -9,8 +9,8 @@ from scipy.sparse import eye_array
 from scipy.special import erf
 
 from lightfield.render.diffuse.bending import surrounded
-from lightfield.render.diffuse.errors import LEFT_OUT, fewer_modes
 from lightfield.render.diffuse.shift import Shift
+from lightfield.render.diffuse.trace_errors import LEFT_OUT, fewer_modes
 from lightfield.render.reflected import patches
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.beam_tallies import BeamTallies, Sent

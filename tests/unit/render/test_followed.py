@@ -7,15 +7,20 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perturbed import changed
 
-from lightfield.formula.scattered.scattered_field import ScatteredField
+from lightfield.formula.scattered.scattered_field import ScatteredField, describes
 from lightfield.render.diffuse.diffuse_response import REFLECTED, SCATTERED
-from lightfield.render.diffuse.followed import FollowedLight
+from lightfield.render.diffuse.followed import _PLAIN, FollowedLight
 from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import PARTS, paths_on
+from lightfield.scene.parameters import neutral_of
 
 X, Z = np.array([0.0, 0.3, 0.8]), np.array([3.0, 4.0, 5.0])
 PLACES = X, 0 * X, Z
+NEUTRAL = {f"{part}.{name}" for part, model in PARTS.items() for name in neutral_of(model)}
 SCENE = Scene.from_toml("[water]\nbase = 'none'\nabsorption_per_m = 0.1\nscattering_per_m = 0.2\n")
 
 
@@ -73,6 +78,20 @@ def test_what_is_not_followed_changes_the_light_as_the_response_says() -> None:
     light, flat = followed(ratio(1.0, 0.0, 1)), SCENE.with_values({"lamp.ellipticity": 1.3})
     here, there = (light.light(s, [None]) - 1.0 for s in (flat, SCENE))
     assert here == pytest.approx(1.3 * there)
+
+
+@pytest.mark.parametrize("path", [p for p in paths_on(Acts.BEAM | Acts.RECEIVER) if p in NEUTRAL])
+def test_every_effect_of_beam_and_receiver_is_followed_or_left_to_the_response(path: str) -> None:
+    """What is followed changes the light that is known; of what is not there is a plain scene that is."""
+    skirt = {"lamp.profile": "two-component", "lamp.skirt_fraction": 0.1}
+    base = SCENE.with_values(skirt) if "skirt" in path else SCENE
+    scene = changed(base, path)
+    if describes(scene):
+        known = ScatteredField(*PLACES)
+        here, there = (known.light(s, [None]) for s in (scene, base))
+        assert np.abs(here / there - 1).max() > 1e-5
+    else:
+        assert describes(scene.with_values(_PLAIN))
 
 
 def test_some_of_the_readings_have_the_same_light() -> None:

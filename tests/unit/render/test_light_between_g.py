@@ -11,8 +11,8 @@ import pytest
 from scipy import sparse
 
 from lightfield.render.diffuse.between_g import BetweenG, PassedOn
-from lightfield.render.diffuse.errors import as_few
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, smoother
+from lightfield.render.diffuse.trace_errors import as_few
 from lightfield.render.reflected.room import lagrange
 from lightfield.render.response.grid import positions_grid
 

@@ -12,7 +12,7 @@ from beams import aside, phi_table
 from perturbed import changed
 
 from lightfield.formula.closed_form import direct_field
-from lightfield.render.reflected.light import ReflectedLight
+from lightfield.render.reflected.reflected_light import ReflectedLight
 from lightfield.render.response.symmetry import symmetric
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts

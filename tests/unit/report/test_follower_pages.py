@@ -11,11 +11,11 @@ from lightfield.errors import UsageError
 from lightfield.report.follower.page import arrays_page, survey_page
 from lightfield.report.follower.pose_page import poses_page
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design import Mounting, compare_arrays, optimise_array
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.sequence import Poses
 from lightfield.studies.follower.survey import survey

@@ -14,8 +14,8 @@ from lightfield import cli
 from lightfield.errors import UsageError
 from lightfield.robots.ros import ERROR, OK, WARN, Bridge, make_node, spin
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import FormulaLight, Space
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.light import FormulaLight, Space
 from lightfield.studies.follower.pose import Estimator
 
 SCENE = {

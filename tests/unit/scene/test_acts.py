@@ -21,7 +21,7 @@ from lightfield.render.maps import transport_key
 from lightfield.render.response.beam_tallies import BEAM
 from lightfield.render.response.grid import detector_grid, scene_grid
 from lightfield.render.response.response import Reference
-from lightfield.render.response.store import digest_of
+from lightfield.render.response.response_cache import digest_of
 from lightfield.scene import Lamp, Scene, Tank
 from lightfield.scene.acts import DIFFUSE, TRACED, Acts
 from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths_on, without

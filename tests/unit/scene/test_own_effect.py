@@ -11,7 +11,7 @@ import pytest
 from lightfield.errors import SceneError
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import direct_field, predict
-from lightfield.formula.own import lit
+from lightfield.formula.own_formulas import lit
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects

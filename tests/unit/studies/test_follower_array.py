@@ -9,11 +9,11 @@ import pytest
 
 from lightfield.errors import SceneError
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, grid, on_sphere, rings
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, jackknife
-from lightfield.studies.follower.light import ArrayModel, FormulaLight
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.survey import array_of
 
 HALF = np.radians(3.81)

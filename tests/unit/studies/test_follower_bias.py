@@ -10,6 +10,8 @@ from scipy.optimize import brentq
 
 from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.bias import (
     CALIBRATIONS,
     CLEAR,
@@ -24,8 +26,6 @@ from lightfield.studies.follower.bias import (
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound
-from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose_search import find_minima
 
 SCENE = Scene.from_dict(

@@ -7,6 +7,8 @@ import pytest
 
 from lightfield.errors import SceneError
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design import (
     ArraySetting,
     Mounting,
@@ -18,8 +20,6 @@ from lightfield.studies.follower.design import (
 )
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
-from lightfield.studies.follower.noise import SensorNoise
 
 SCENE = Scene.from_dict(
     {"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05}}

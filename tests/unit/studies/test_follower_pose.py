@@ -11,10 +11,10 @@ from scipy import stats
 
 from lightfield.errors import MeasurementError
 from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, grid, on_sphere
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.light import ArrayModel, FormulaLight, Space
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.pose_search import Minima, box_of
 from lightfield.studies.follower.rival_poses import nearest_alike, rivals

@@ -12,11 +12,11 @@ from lightfield.errors import SceneError
 from lightfield.report.follower.follow_page import follow_sweep_page, following_page
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.bias import belief
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, wrapped
-from lightfield.studies.follower.light import ArrayModel, FormulaLight
-from lightfield.studies.follower.noise import SensorNoise
 from lightfield.studies.follower.tracking import Filter
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.loop import _Moving

@@ -16,9 +16,9 @@ from lightfield.diagnosis.search.better_light.settling import Settled
 from lightfield.diagnosis.search.cascade import Finding, level_for, with_base
 from lightfield.diagnosis.search.pool.any_number import named
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
-from lightfield.diagnosis.search.pool.nodes import Node
+from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Prepared, judged
-from lightfield.diagnosis.search.profile import profiled
+from lightfield.diagnosis.search.profile_likelihood import profiled
 from lightfield.diagnosis.search.small_sets import Tried, bic
 from lightfield.fitting.least_squares import Fit
 

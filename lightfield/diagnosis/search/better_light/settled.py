@@ -25,9 +25,9 @@ from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import under_own_errors, with_response_error
 from lightfield.diagnosis.search.pool.any_number import Data, named
 from lightfield.diagnosis.search.pool.evidence import Weighing
-from lightfield.diagnosis.search.pool.nodes import Node, begin_at
+from lightfield.diagnosis.search.pool.fitted_sets import Node, begin_at
 from lightfield.diagnosis.search.preparation import Prepared, judged, prepare_about
-from lightfield.diagnosis.search.profile import restarted
+from lightfield.diagnosis.search.profile_likelihood import restarted
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.fitting.least_squares import Fit
 

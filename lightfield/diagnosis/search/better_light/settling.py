@@ -14,7 +14,7 @@ from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import PHOTONS, ratio_at, scatters, with_light
 from lightfield.diagnosis.search.own_errors import on_sample, under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, whitening
-from lightfield.diagnosis.search.profile import restarted
+from lightfield.diagnosis.search.profile_likelihood import restarted
 from lightfield.fitting.least_squares import Fit
 from lightfield.render.diffuse.ratio import Ratio
 from lightfield.scene import Scene

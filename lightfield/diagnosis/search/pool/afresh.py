@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool
 from lightfield.diagnosis.search.pool.moves import polish
-from lightfield.diagnosis.search.pool.nodes import Allowed, Node, Pool
 
 
 def beside_fresh_fits(pool: Pool, found: Node, allowed: Allowed) -> Node:

@@ -18,12 +18,12 @@ from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
-from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
-from lightfield.diagnosis.search.progress import Progress
+from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.

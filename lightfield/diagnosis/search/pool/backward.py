@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Allowed, Node, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool, begin_at, joins, with_effect
 
 #: Stages that are fitted, of at most so many effects.
 FITS, _MOST = 4, 8

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Node, Pool, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, fitted_at
 from lightfield.fitting.parameter import FitParameter
 
 #: A range is drawn out by so many times its width, and what leaves it by less of chi-square than a gap that

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Node, Pool, begin_at, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, begin_at, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.curves import PROFILE, Basis, field_of

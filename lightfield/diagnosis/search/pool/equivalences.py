@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Node, Pool, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 
 #: Turns of the receiver, in degrees, from which a fit begins.

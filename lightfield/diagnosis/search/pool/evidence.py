@@ -14,8 +14,8 @@ import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
-from lightfield.diagnosis.search.pool.nodes import Node, Pool
-from lightfield.diagnosis.search.pool.planes import water_may_do_it
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.diagnosis.search.pool.gains_or_water import water_may_do_it
 from lightfield.diagnosis.search.pool.uneven_lamp import of_an_uneven_lamp
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.effects.free_form import BEAM_PROFILE

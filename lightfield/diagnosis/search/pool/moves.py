@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Allowed, Key, Node, Pool, Promise, begin_at
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Key, Node, Pool, Promise, begin_at
 
 #: Levels of additions at most: more effects than any set of readings was seen to hold.
 _MOST = 9

@@ -91,7 +91,7 @@ class _Quick:
         parameter, moved = self.model.parameters[i], self.u.copy()
         if parameter.is_held:
             return np.zeros(len(self.residual))
-        step = parameter.step if self.u[i] + parameter.step <= parameter.high else -parameter.step
+        step = parameter.step_from(self.u[i])
         moved[i] += step
         # Counts where it makes scattered and reflected light anew.
         self.evaluations += int(parameter.path in self.lights)

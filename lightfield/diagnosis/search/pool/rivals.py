@@ -9,8 +9,8 @@ from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
 from lightfield.diagnosis.search.pool.equivalences import try_beside, try_declared
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool, begin_at, joins, with_effect
 from lightfield.diagnosis.search.pool.moves import fit_additions, forward, polish
-from lightfield.diagnosis.search.pool.nodes import Allowed, Node, Pool, begin_at, joins, with_effect
 
 #: Sets of a level that are added to and fitted, levels, and levels without a gain. Chosen, as all here: the
 #: smallest that mended what was called certain wrongly.

@@ -12,7 +12,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.many import in_pool
 from lightfield.diagnosis.search.pool.evidence import Weighing
-from lightfield.diagnosis.search.pool.nodes import Node
+from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.best_set.averaged import averaged
 from lightfield.fitting.beam_width import WIDTH

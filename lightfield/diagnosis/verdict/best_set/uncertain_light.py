@@ -115,7 +115,7 @@ def _covariance(problem: Problem, own: Whitener, fit: Fit) -> Array:
     slopes, told = [], []
     for i in np.flatnonzero(free).tolist():
         u, parameter = fit.u.copy(), parameters[i]
-        step = parameter.step if u[i] + parameter.step <= parameter.high else -parameter.step
+        step = parameter.step_from(u[i])
         u[i] += step
         change = (problem.forward.errors(fit.model.values(u))[0] - modes) / step
         slopes.append(own(weight * change))

@@ -17,7 +17,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.many import in_pool
 from lightfield.diagnosis.search.pool.evidence import Weighing
-from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
 from lightfield.diagnosis.verdict.best_set.averaged import largest, with_an_effect_more, with_others
 from lightfield.diagnosis.verdict.best_set.longer_curve import with_longer_curve
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering

@@ -19,7 +19,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
-from lightfield.formula.scattered.nodes import stated_width_deg
+from lightfield.formula.scattered.quadrature import stated_width_deg
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -17,7 +18,7 @@ from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidat
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.pool.nodes import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.preparation import Prepared, whitened_test
 from lightfield.diagnosis.verdict.estimates import estimates, units_of
@@ -29,7 +30,7 @@ from lightfield.fitting.effects.own import effects_of
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
-from lightfield.scene.own.effect import OwnEffect, Places
+from lightfield.scene.own.own_effect import OwnEffect, Places
 
 #: Part of what the best set leaves, in per cent, that an unknown removes before it is told. Chosen.
 _TOLD = 20.0
@@ -37,6 +38,8 @@ _TOLD = 20.0
 _POINTS, _STEP = 121, 0.1
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
 _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
+#: So many effects are left out, and so many added, of those of which a linear model promises most. Chosen.
+_TRIED = 2
 #: Times are told in minutes.
 _UNIT = {"time": 1 / 60}
 
@@ -113,9 +116,11 @@ def _fitting(whole: Pool, node: Node, kept: Candidate, known: Explanation) -> No
     ground = whole.ground
     pool = Pool(Ground(ground.test.on(problem), ground.phi, ground.nu), {node.key: node})
     while True:
-        less = [pool.drop(node, c) for c in node.explanation if c is not kept]
-        more = [pool.add(p) for p in pool.promises(node)]
-        best = min(map(pool.finished, [*less, *more]), key=pool.cost, default=node)
+        there = [c for c in node.explanation if c is not kept]
+        less = sorted(there, key=partial(pool.promised_without, node))[:_TRIED]
+        more = sorted(pool.promises(node), key=lambda p: p.cost)[:_TRIED]
+        made = [*(pool.drop(node, c) for c in less), *map(pool.add, more)]
+        best = min(map(pool.finished, made), key=pool.cost, default=node)
         if pool.cost(best) >= pool.cost(node):
             return node
         node = best

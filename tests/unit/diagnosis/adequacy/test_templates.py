@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightfield.diagnosis import plan
 from lightfield.diagnosis.adequacy.templates import bank
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.experiments.layouts import scan
@@ -54,3 +55,33 @@ def test_water_that_scatters_already_is_not_asked_for_another_phase_function() -
     for template in templates:
         expected = gain * Haze(np.asarray(table.x_m)).halo / (1 - template.shape[0]) - lost
         assert template.columns[:, 0] == pytest.approx(expected, abs=0.01 * np.abs(expected).max())
+
+
+class Lid(Haze):
+    """Light that a closed top sends back: none of an open one, which also lets the light of walls out."""
+
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> np.ndarray:
+        reflects = scene.tank.surface_reflectance if scene.tank else 0.0
+        return np.array([(2 * reflects - 0.5 * (reflects > 0)) * self.halo for _ in wavelengths_nm])
+
+
+def lid(scene: Scene, x_m: np.ndarray, *_: Any, **options: float) -> Lid:
+    return Lid(np.asarray(x_m))
+
+
+def test_a_surface_is_known_by_what_more_of_it_does_and_not_by_the_step_from_an_open_top() -> None:
+    """2 halo per unit of reflectance, at the places that are read and at those that a plan proposes."""
+    scene = Scene.from_dict(
+        {"water": {"absorption_per_m": 0.1}, "tank": {"width_m": 3.0, "depth_m": 2.4, "length_m": 10.0}}
+    )
+    table = scan(scene, "line", "random", np.random.default_rng(0))
+    clean = SceneForward(scene, table, lid).predict({})
+    readings = replace(table, value=clean, stderr=np.full(len(clean), 1e-4))
+    forward = SceneForward(scene, readings, lid)
+    problem, _ = problem_of(forward, readings, [effects.get("surface_reflection")], None)
+    fit = problem.fit((), lambda columns: columns, [problem.model().start], max_steps=0)
+    (template,) = bank(problem, fit, lambda columns: columns)
+    expected = 2 * np.exp(fit.u[0]) * Haze(np.asarray(table.x_m)).halo
+    assert template.columns[:, 0] == pytest.approx(expected, rel=1e-6)
+    _, elsewhere = plan._columns(problem, fit, {"surface_reflection": 0.5}, forward)
+    assert elsewhere["surface_reflection"].column == pytest.approx(expected, rel=1e-6)

@@ -21,8 +21,8 @@ from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool.any_number import Data, Many, everything, search_many
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
+from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.pool.moves import polish
-from lightfield.diagnosis.search.pool.nodes import Node
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free

@@ -13,7 +13,7 @@ from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
 from lightfield.diagnosis.search.pool.equivalences import try_beside
 from lightfield.diagnosis.search.pool.evidence import evidence
-from lightfield.diagnosis.search.pool.nodes import Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward

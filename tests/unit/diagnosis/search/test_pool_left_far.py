@@ -14,7 +14,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool.any_number import everything
 from lightfield.diagnosis.search.pool.backward import linear_backward
-from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.fitting.effects import Effect, Form, Free
 

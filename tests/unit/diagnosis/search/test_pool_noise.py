@@ -13,7 +13,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
-from lightfield.diagnosis.search.pool.nodes import Node
+from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.fitting.least_squares import Fit
 

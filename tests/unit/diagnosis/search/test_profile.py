@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.profile import profiled, restarted
+from lightfield.diagnosis.search.profile_likelihood import profiled, restarted
 from lightfield.fitting.parameter import FitParameter
 
 SIGMA = 0.05

@@ -25,7 +25,7 @@ from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import small_sets as search_module
 from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.preparation import base_at, bench
-from lightfield.diagnosis.search.profile import profiled
+from lightfield.diagnosis.search.profile_likelihood import profiled
 from lightfield.diagnosis.search.small_sets import Tried, at_lowest_minima, bic
 from lightfield.diagnosis.search.told_apart import nearest_rival
 from lightfield.fitting.least_squares import Fit

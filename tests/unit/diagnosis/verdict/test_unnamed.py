@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from toy_problem import Toy, candidate, layout, waves
 
-from lightfield.diagnosis.search.pool.nodes import Ground, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.best_set import unnamed

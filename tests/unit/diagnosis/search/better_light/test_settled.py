@@ -26,7 +26,7 @@ from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.followed import PHOTONS, scatters
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import evidence
-from lightfield.diagnosis.search.pool.nodes import Node
+from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene

@@ -12,8 +12,8 @@ from analytic_readings import readings
 from scipy import stats
 from toy_problem import Toy, candidate, layout, waves
 
-from lightfield.diagnosis.adequacy import aside
-from lightfield.diagnosis.adequacy.aside import LEVEL, structure
+from lightfield.diagnosis.adequacy import slips
+from lightfield.diagnosis.adequacy.slips import LEVEL, structure
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget
@@ -147,8 +147,8 @@ def spectra():
 def test_slips_of_single_colours_are_no_more_than_slips_explain(monkeypatch) -> None:
     """Of 100 tables with the assumed rate of slips, each on one reading, as many are called too many as the
     level says (5 %; limit of 99.9 %); four times the rate is."""
-    monkeypatch.setattr(aside, "LEVEL", 0.05)
-    monkeypatch.setattr(aside, "PERMUTATIONS", 199)
+    monkeypatch.setattr(slips, "LEVEL", 0.05)
+    monkeypatch.setattr(slips, "PERMUTATIONS", 199)
     layout, light = spectra()
     rng = np.random.default_rng(4)
     alarms = 0
@@ -187,8 +187,8 @@ def _alarms(sets: int) -> int:
 
 def test_places_at_random_are_rarely_a_structure(monkeypatch) -> None:
     """At a level of 5 %, so that a few dozen sets can tell; within the limits of 99.9 %."""
-    monkeypatch.setattr(aside, "LEVEL", 0.05)
-    monkeypatch.setattr(aside, "PERMUTATIONS", 199)
+    monkeypatch.setattr(slips, "LEVEL", 0.05)
+    monkeypatch.setattr(slips, "PERMUTATIONS", 199)
     assert _alarms(100) <= stats.binom.isf(0.001, 100, 0.05)
 
 

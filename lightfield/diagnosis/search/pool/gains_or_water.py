@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.nodes import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.formula.path import attenuation_per_m
 

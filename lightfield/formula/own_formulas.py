@@ -15,7 +15,7 @@ from lightfield.arrays import Array
 from lightfield.formula.path import rays
 from lightfield.scene.curve import LARGEST, value_at
 from lightfield.scene.lamp.frame import beam_angles
-from lightfield.scene.own.effect import Places, Stage
+from lightfield.scene.own.own_effect import Places, Stage
 
 if TYPE_CHECKING:
     from lightfield.scene import Scene
