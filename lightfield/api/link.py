@@ -75,12 +75,12 @@ class Link(OverAxes[linking.Link]):
 def link(
     scene: Scene | AnyPath,
     *,
-    area: float = 13.0,
-    responsivity: float = 0.25,
-    amplifier_noise: float = 5e-12,
-    background: float = 0.0,
-    bit_rate: float = 1e6,
-    ber: float = 1e-6,
+    area: float = Receiver.area_mm2,
+    responsivity: float = Receiver.responsivity_a_per_w,
+    amplifier_noise: float = Receiver.noise_a_per_sqrt_hz,
+    background: float = Receiver.background_a,
+    bit_rate: float = Receiver.bit_rate_per_s,
+    ber: float = Receiver.ber,
     water: Mapping[str, tuple[float, float]] | None = None,
     to: float = 60.0,
     rel_error: float = REL_ERROR,
@@ -97,7 +97,7 @@ def link(
         Of the photodiode.
     responsivity : float, A/W
         Mean over the band.
-    amplifier_noise : float, A per root Hz
+    amplifier_noise : float, A Hz^-0.5
     background : float, A
         Photocurrent of ambient light, and dark current.
     bit_rate : float, bits per second

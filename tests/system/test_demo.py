@@ -58,8 +58,10 @@ def test_the_storys_page_does_not_give_the_answer_away():
         assert name not in page
 
 
-@pytest.mark.parametrize("line", [line for lines in demo.EXPERIMENTS.values() for line in lines])
-def test_files_of_the_demo_are_there(line):
+@pytest.mark.parametrize(
+    ("name", "line"), [(name, line) for name, lines in demo.EXPERIMENTS.items() for line in lines]
+)
+def test_files_of_the_demo_are_there(name, line):
     for word in line.split():
         if word.startswith("{scene}/"):
-            assert any((SCENES / name / word[8:]).is_file() for name in demo.EXPERIMENTS)
+            assert (SCENES / name / word[8:]).is_file()

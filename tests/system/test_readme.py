@@ -145,4 +145,4 @@ def test_every_option_file_and_variable_that_is_named_exists():
     for variable in set(re.findall(r"LIGHTFIELD_\w+", README)):
         assert f'"{variable}"' in source, variable
     for command in _line.COMMANDS:
-        assert re.search(rf"`?(lightfield )?{command}\b", README), command
+        assert re.search(rf"(`|lightfield ){command}\b", README), command

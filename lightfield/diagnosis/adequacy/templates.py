@@ -83,7 +83,7 @@ def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
 
 
 def slope_at(forward: Forward, values: Mapping[str, float], parameter: FitParameter, at: Array) -> Array:
-    """Change of the readings per unit of a parameter at its neutral value, where they are `at`; shape (n,)."""
+    """Change of the readings, (n,), per unit of a parameter at its neutral value, where they are `at`."""
     step = parameter.step_from(parameter.start)
 
     def predict(steps: int) -> Array:

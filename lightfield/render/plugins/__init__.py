@@ -1,4 +1,4 @@
-"""Our Mitsuba plugins, registered by one call."""
+"""Our Mitsuba plugins. Importing them finds a usable LLVM first."""
 
 from lightfield.render.backend import prepare
 

@@ -20,10 +20,9 @@ CURVES = ("profile_departure",)
 class LightfieldLamp(mi.Emitter):
     """Point-like lamp at the origin, shining along +z, of unit on-axis radiant intensity times `intensity`.
 
-    Properties have the names and units of the `[lamp]` section: hwhm_deg, shape_exponent, skirt_fraction,
-    skirt_hwhm_deg, ellipticity, offset_x_m, offset_y_m, tilt_x_deg, tilt_y_deg, apparent_distance_m,
-    radius_m, profile, intensity_table, profile_departure (as text: [[0, 0.0], ...]); and `intensity`,
-    the on-axis radiant intensity in W/sr/nm. Nest or refer to the water's medium.
+    Properties have the names and units of the `[lamp]` section, those of them that make the beam and where it
+    starts (`PROPERTIES`); profile_departure is given as text: [[0, 0.0], ...]. And `intensity`, the on-axis
+    radiant intensity in W/sr/nm. Nest or refer to the water's medium.
 
     Stock integrators see a lamp without area: `apparent_distance_m` and `radius_m` act in `photon_tracer`
     only.

@@ -1,4 +1,4 @@
-"""Our Mitsuba plugins, registered by one call."""
+"""Which modules make Mitsuba plugins; they are made again for another variant."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def absorption_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     Returns
     -------
     array, 1/m
-        Shape of `wavelength_nm`. Gradient, layer and hardening are left to the path, see `analytic`.
+        Shape of `wavelength_nm`. Gradient, layer and hardening are left to the path, see `formula.path`.
 
     Raises
     ------

@@ -8,6 +8,7 @@ import inspect
 import keyword
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -115,24 +116,31 @@ def test_other_names_are_no_part_of_it():
         _ = lf.difuse
 
 
-def options_of(command: str) -> set[str]:
-    """Options of a command as Python would write them: `--no-trace` is `trace`, `--with` is `with_`."""
+def defaults_of(command: str) -> dict[str, Any]:
+    """Options of a command as Python would write them, with their defaults: `--no-trace` is `trace`, `--with`
+    is `with_`. None: what was left out is decided later."""
     name, _, task = command.partition(".")
     parser = argparse.ArgumentParser()
     importlib.import_module(f"lightfield.commands.{name}").add_arguments(parser)
     if task:
         (tasks,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
         parser = tasks.choices[task]
-    words = {o[2:].removeprefix("no-").replace("-", "_") for a in parser._actions for o in a.option_strings}
-    return {f"{word}_" if keyword.iskeyword(word) else word for word in words if word}
+    named = (
+        (o[2:].removeprefix("no-").replace("-", "_"), a) for a in parser._actions for o in a.option_strings
+    )
+    return {f"{word}_" if keyword.iskeyword(word) else word: a.default for word, a in named if word}
 
 
 @pytest.mark.parametrize("name", [name for name in FUNCTIONS if name not in ("load", "save")])
 def test_arguments_are_called_as_the_options_of_the_command(name):
-    options, given = options_of(name), inspect.signature(public(name)).parameters
+    options, given = defaults_of(name), inspect.signature(public(name)).parameters
     named = {word for word, one in given.items() if one.kind is inspect.Parameter.KEYWORD_ONLY}
-    assert named <= options
-    assert options - set(given) <= WRITING
+    assert named <= set(options)
+    assert set(options) - set(given) <= WRITING
+    late = getattr(importlib.import_module(f"lightfield.commands.{name.partition('.')[0]}"), "DEFAULTS", {})
+    numbers = {word: value for word, value in options.items() if type(value) in (int, float)} | late
+    for word in set(numbers) & set(given):
+        assert numbers[word] == given[word].default, word
 
 
 def run_python(code: str) -> None:

@@ -87,7 +87,9 @@ def test_two_forms_of_a_beam_are_no_more_than_the_simplest(hidden: dict[str, flo
     problem = made.drawn(np.random.default_rng(0), **hidden)
     pool = pool_of(made, problem)
     best = pool.fit([c for c in problem.candidates if c.name in hidden], [Begin({})])
-    for one in evidence(pool, best, adequate=True):
+    found = evidence(pool, best, adequate=True)
+    assert len(found) == len(hidden)
+    for one in found:
         assert (one.level, one.gap > 30) == (level, True)
 
 

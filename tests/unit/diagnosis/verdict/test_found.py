@@ -137,7 +137,9 @@ def test_a_turned_narrow_receiver_is_a_tilted_beam() -> None:
     tilted = {"lamp.hwhm_deg": 4.0, "lamp.tilt_x_deg": 0.5}
     forward = SceneForward(believed, table)
     expected = forward.predict(tilted)
-    for start in line.starts(tilted):
+    starts = list(line.starts(tilted))
+    assert starts
+    for start in starts:
         turned = forward.predict(
             {
                 "lamp.hwhm_deg": np.exp(start["lamp.hwhm_deg"]),
