@@ -22,6 +22,17 @@ def evenly(count: int, most: int) -> list[int]:
     return [int(i) for i in np.unique(np.linspace(0, count - 1, min(count, most)).round())]
 
 
+def jackknife_stderr(parts: Array) -> Array:
+    """Standard error of a number by its values without one of n independent batches (Efron 1982, section 3).
+
+    Parameters
+    ----------
+    parts : array, shape (n, ...)
+    """
+    off = parts - parts.mean(axis=0)
+    return np.asarray(np.sqrt((len(parts) - 1) / len(parts) * (off**2).sum(axis=0)))
+
+
 def jsonable(value: object) -> object:
     """The same as JSON may hold it: what is no finite number is null."""
     if isinstance(value, dict):

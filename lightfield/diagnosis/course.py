@@ -142,7 +142,7 @@ def course(inquiry: Inquiry, progress: Progress) -> Outcome:
 def _course(inquiry: Inquiry, progress: Progress) -> Outcome:
     known = _searched(inquiry, progress)
     progress("rivals of every effect")
-    known = known.now(known.prepared, levelled(known.data, known.prepared, known.finding, inquiry.alpha))
+    known = known.now(known.prepared, levelled(known.data, known.prepared, known.finding))
     if inquiry.is_settled_after and not known.is_settled:
         known = _settled_after(inquiry, known, progress)
     return _judged(inquiry, known)
@@ -220,7 +220,7 @@ def _settled_after(inquiry: Inquiry, found: Knowledge, progress: Progress) -> Kn
         finding = known.finding
     if not (finding.is_levelled or finding.beyond_two):  # in better light another set is the best
         finding = replace(finding, many=None)
-        finding = levelled(known.data_in_its_light, known.prepared, finding, inquiry.alpha)
+        finding = levelled(known.data_in_its_light, known.prepared, finding)
     return known.now(known.prepared, finding)
 
 

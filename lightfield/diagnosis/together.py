@@ -169,7 +169,7 @@ def _chosen(problem: Problem, untestable: Untestable, names: Sequence[str]) -> E
             if not effect.combines_with(other.effect):
                 raise UsageError(
                     "effects that are not fitted together", found=f"{other.name}, {effect.name}",
-                    rule="each once; none that needs direct light alone beside one that scatters or reflects",
+                    rule=effects.TOGETHER,
                 )  # fmt: skip
         out.append(one)
     return tuple(out)

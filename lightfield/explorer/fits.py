@@ -13,6 +13,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.verdict.ladder import bright, percent, rms_over
 from lightfield.errors import FitError
 from lightfield.explorer.experiment import Experiment, candidate_of
+from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit, least_squares
 from lightfield.fitting.parameter import Model
 
@@ -101,7 +102,7 @@ class Fits:
         model = problem.model(chosen)
         starts = [model.start if near is None else _start(model, near)]
         if chosen and near is None:
-            base = self._begun(keys, model)
+            base = self._begun(model)
             starts = [problem.default_start(base, chosen, size) for size in _STARTS]
             starts += [_shaped(starts[0], chosen[-1], point) for point in chosen[-1].grid[1:MOST_SHAPES]]
             if len(keys) > 1 and (before := self.known(keys[:-1])) is not None:
@@ -144,8 +145,7 @@ class Fits:
                     raise FitError(
                         "these effects cannot be switched on together",
                         found=f"{other.name}, {one.name}",
-                        rule="each effect once, no curve with what it contains, and what is known for direct "
-                        "light alone not with diffuse light",
+                        rule=effects.TOGETHER,
                         remedy=f"switch {other.name} off first",
                     )
             chosen.append(one)
@@ -169,7 +169,7 @@ class Fits:
         value = self.experiment.problem.value[self._bright]
         return rms_over(self.experiment.sigma[self._bright], value)
 
-    def _begun(self, keys: tuple[str, ...], model: Model) -> Array:
+    def _begun(self, model: Model) -> Array:
         base = self.known(())
         return model.start if base is None else _start(model, base.values)
 

@@ -103,7 +103,7 @@ def smoothed(value: Array, sigma: float, truncate: float = 4.0) -> Array:
 def _measure(
     value: Array, x_m: Array, y_m: Array
 ) -> tuple[tuple[float, float, float, float, float], Unmeasured | None]:
-    peak, at = _peak(value, x_m, y_m)
+    peak, at = _peak(value)
     nothing = (peak, np.nan, np.nan, np.nan, np.nan)
     if not peak > 0:
         return nothing, Unmeasured.DARK
@@ -154,7 +154,7 @@ def _ellipse(points: Array) -> tuple[float, float, float, float] | None:
     return float(where[0]), float(where[1]), float(width), float(height)
 
 
-def _peak(value: Array, x_m: Array, y_m: Array) -> tuple[float, tuple[float, float]]:
+def _peak(value: Array) -> tuple[float, tuple[float, float]]:
     """Maximum and its place (row, column), from log E = quadratic form near the brightest pixels."""
     # Pixels are chosen on a smoothed map: chosen by their own noise, they would be too bright.
     smooth = smoothed(value, 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield import __version__
-from lightfield.arrays import Array
+from lightfield.arrays import Array, jackknife_stderr
 from lightfield.errors import UsageError
 from lightfield.formula.vector import direct_flux
 from lightfield.render.flux.traced_field import Region, traced_field
@@ -108,8 +108,7 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = 1e7, seed: int
         )
         diffuse = field.diffuse_flux(place)
         parts = np.stack([one.diffuse_flux(place) for one in field.leave_one_out()])
-        count = len(parts)
-        stderr = np.sqrt((count - 1) / count * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
+        stderr = jackknife_stderr(parts)
     variables = {}
     for k, axis in enumerate(_AXES):
         variables[f"flux_direct_{axis}"] = _variable(

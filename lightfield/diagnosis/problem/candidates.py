@@ -3,9 +3,9 @@ reasons."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
 
@@ -196,6 +196,12 @@ class Candidate:
     @property
     def one_sided(self) -> bool:
         return len(self.amplitudes) == 1 and self.amplitudes[0].start <= self.amplitudes[0].low
+
+
+def go_together(candidates: Sequence[Candidate]) -> bool:
+    """Can all of them be in one explanation?"""
+    pairs = combinations(candidates, 2)
+    return all(one.effect.combines_with(other.effect) for one, other in pairs)
 
 
 def _parameter(

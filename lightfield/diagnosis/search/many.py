@@ -85,7 +85,7 @@ def in_pool(finding: Finding) -> Node | None:
     return node if node is not None and {c.key for c in best.explanation} == node.key else None
 
 
-def levelled(data: Data, prepared: Prepared, finding: Finding, alpha: float) -> Finding:
+def levelled(data: Data, prepared: Prepared, finding: Finding) -> Finding:
     """A finding of one or two effects with how sure each of them is.
 
     Sets that hold none of them are sought as for any number of effects, on the ground on which the finding

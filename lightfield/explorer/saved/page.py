@@ -68,7 +68,7 @@ def page_html(session: Session) -> str:
         "verdict": session.verdict,
     }
     data["arrays"] = session_arrays.text
-    return _filled(str(e["title"]), json.dumps(jsonable(data), allow_nan=False))
+    return _filled(json.dumps(jsonable(data), allow_nan=False))
 
 
 def _stops(session: Session) -> list[tuple[State, str]]:
@@ -132,7 +132,7 @@ def _stop(
     return stop | {"why_fixed": why, "sets": {"readings": readings, "maps": lit}}
 
 
-def _filled(title: str, data: str) -> str:
+def _filled(data: str) -> str:
     """The page with style, scripts and data in it, and a policy that lets nothing else run or load."""
     style = (PAGE / "explorer.css").read_text(encoding="utf-8")
     script = "\n".join((PAGE / name).read_text(encoding="utf-8") for name in SCRIPTS)

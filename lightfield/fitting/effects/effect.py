@@ -9,6 +9,12 @@ from typing import Literal
 from lightfield.scene.acts import DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on
 
+#: What effects go together, see `Effect.combines_with`.
+TOGETHER = (
+    "each effect once, no curve with what it contains, and what is known for direct light alone not with "
+    "diffuse light"
+)
+
 Scale = Literal[
     "one",
     "power",
@@ -148,7 +154,7 @@ class Effect:
         return all(not acts_on(path) & ~(Acts.BEAM | Acts.RECEIVER) for path in self.paths)
 
     def combines_with(self, other: Effect) -> bool:
-        """Can both be in one explanation?"""
+        """Can both be in one explanation? See `TOGETHER`."""
         clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)
         special = other.name in self.contains or self.name in other.contains
         return self.name != other.name and not clash and not special

@@ -37,7 +37,7 @@ def dumps(readings: Readings) -> str:
     head: dict[str, Any] = {name: getattr(readings, name) for name in WORDS if getattr(readings, name)}
     head.update({n: v for n in TERMS if (v := getattr(readings.budget, n)) is not None})
     names = [name for name in COLUMNS if _worth_writing(readings, name)]
-    _check_writable(readings, head)
+    _check_writable(readings)
     head.update(readings.metadata)
     try:
         content = "".join(f"# {line}".rstrip(" ") + "\n" for line in tomli_w.dumps(head).split("\n")[:-1])
@@ -74,7 +74,7 @@ def _cell(name: str, value: Any) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def _check_writable(readings: Readings, head: dict[str, Any]) -> None:
+def _check_writable(readings: Readings) -> None:
     cells = [cell for column in readings.extra.values() for cell in column.tolist()]
     for cell in (*readings.extra, *cells):
         try:

@@ -123,12 +123,6 @@ def beam_table(path: str) -> BeamTable:
     return _load(path, state.st_mtime_ns, state.st_size)
 
 
-def intensity_table(path: str) -> tuple[Array, Array]:
-    """Angle from the beam axis, rad, and the average intensity around it, shape (n,); see `beam_table`."""
-    table = beam_table(path)
-    return table.angle_rad, table.mean
-
-
 @lru_cache(maxsize=32)
 def _load(path: str, _modified: int, _size: int) -> BeamTable:
     read = _photometric if Path(path).suffix.lower() in {".ies", ".ldt"} else _columns

@@ -197,8 +197,7 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: Untestable) -> E
                 raise UsageError(
                     "these effects cannot be fitted together",
                     found=f"{other.name}, {effect.name}",
-                    rule="each effect once, no curve with what it contains, and what is known for direct "
-                    "light alone not with diffuse light",
+                    rule=effects.TOGETHER,
                     remedy="leave one of them out",
                 )
         out.append(one)

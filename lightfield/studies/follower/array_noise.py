@@ -9,9 +9,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.scene import Scene
 from lightfield.scene.bands import first_band_w_per_sr
+from lightfield.studies import photocurrent
 
-#: C (SI 2019, exact).
-ELECTRON_C = 1.602176634e-19
 #: Part of a percent, of a second of bandwidth (Nyquist), of a converter's step (its variance, Bennett 1948).
 PERCENT, BANDWIDTH, STEP_VARIANCE = 0.01, 0.5, 1 / 12
 
@@ -73,9 +72,9 @@ class SensorNoise:
         top = light.max(axis=-1, keepdims=True) if brightest is None else np.asarray(brightest)
         total = (self.mismatch * light) ** 2 + (self.brightest * top) ** 2
         if self.ampere > 0:
-            bandwidth = BANDWIDTH * self.sample_hz
-            shot = 2 * ELECTRON_C * (self.ampere * light + self.dark_a) * bandwidth
-            total = total + (shot + self.amplifier**2 * bandwidth) / self.ampere**2
+            current, bandwidth = self.ampere * light, BANDWIDTH * self.sample_hz
+            electric = photocurrent.variance(current, self.dark_a, self.amplifier, bandwidth)
+            total = total + electric / self.ampere**2
         if self.bits:
             total = total + STEP_VARIANCE * (top / 2.0**self.bits) ** 2
         return total

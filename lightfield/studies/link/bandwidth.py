@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, jackknife_stderr
 
 #: Speed of light in m/s (exact in the SI).
 LIGHT_M_PER_S = 299792458.0
@@ -53,7 +53,7 @@ def bandwidth_of(direct: Array, by_path: Array, excess_m: Array) -> tuple[Array,
     parts = np.array([_three_db(direct, (count * whole - one) / (count - 1), excess_m) for one in by_path])
     halves, steps = coarser(whole, excess_m)
     with np.errstate(invalid="ignore"):
-        photons = np.sqrt((count - 1) / count * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
+        photons = jackknife_stderr(parts)
         tallied = np.abs(_three_db(direct, halves, steps) - found) / _COARSER
         return found, np.hypot(photons, tallied)
 

@@ -16,9 +16,8 @@ from scipy.special import erfc, erfcinv
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
+from lightfield.studies import photocurrent
 
-#: Charge of the electron, C (exact in the SI).
-ELECTRON_C = 1.602176634e-19
 #: A lamp is seen where its signal is so many times the noise in this bandwidth (ten readings a second).
 SEEN_SNR, SEEN_HZ = 10.0, 10.0
 #: What receivers there are, and room beside them: least, largest and unit.
@@ -87,5 +86,4 @@ class Receiver:
         return np.asarray(current / np.sqrt(self._variance(current, SEEN_HZ)))
 
     def _variance(self, current: Array, bandwidth: float) -> Array:
-        shot = 2 * ELECTRON_C * (current + self.background_a)
-        return np.asarray((shot + self.noise_a_per_sqrt_hz**2) * bandwidth)
+        return photocurrent.variance(current, self.background_a, self.noise_a_per_sqrt_hz, bandwidth)

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, jackknife_stderr
 from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.formula.vector import by_place, direct_flux, on_receivers
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
@@ -152,7 +152,7 @@ class SmoothLight:
         """`reading` and its standard errors: by a jackknife over the batches of the trace, and of light that
         scattered more often than the trace tells apart."""
         read, parts = self.reading(place_m, normal), self._left_out(place_m, normal)
-        photons = np.sqrt((len(parts) - 1) / len(parts) * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
+        photons = jackknife_stderr(parts)
         more = self._flux(np.asarray(place_m, float), self._doubted)
         return read, np.hypot(photons, on_receivers(more, np.asarray(normal, float)) - read)
 

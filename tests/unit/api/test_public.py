@@ -125,9 +125,8 @@ def defaults_of(command: str) -> dict[str, Any]:
     if task:
         (tasks,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
         parser = tasks.choices[task]
-    named = (
-        (o[2:].removeprefix("no-").replace("-", "_"), a) for a in parser._actions for o in a.option_strings
-    )
+    every = ((option, a) for a in parser._actions for option in a.option_strings)
+    named = ((option[2:].removeprefix("no-").replace("-", "_"), a) for option, a in every)
     return {f"{word}_" if keyword.iskeyword(word) else word: a.default for word, a in named if word}
 
 

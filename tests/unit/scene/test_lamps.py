@@ -13,9 +13,16 @@ from scipy.integrate import trapezoid
 from lightfield.cli import main
 from lightfield.errors import SceneError
 from lightfield.scene import Lamp
-from lightfield.scene.lamp.photometry import intensity_table
+from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.lamp.profile import relative_intensity, solid_angle_sr
 from lightfield.scene.lamp.spectrum import axial_intensity, spectral_power
+
+
+def mean_table(path: str) -> tuple[np.ndarray, np.ndarray]:
+    """Angle, rad, and the mean intensity about the axis."""
+    table = beam_table(path)
+    return table.angle_rad, table.mean
+
 
 IES = """IESNA:LM-63-2002
 [TEST] hand-written
@@ -91,7 +98,7 @@ def test_csv_table(tmp_path: Path) -> None:
 def test_ies_rotational(tmp_path: Path) -> None:
     """LM-63 type C, one half plane; the multiplier cancels in the relative intensity."""
     file = write(tmp_path / "spot.ies", IES.format(planes=1, angles="0", values="1000 800 300 10 0"))
-    angle, intensity = intensity_table(file)
+    angle, intensity = mean_table(file)
     at = np.radians([0, 5, 10, 45])
     np.testing.assert_allclose(np.interp(at, angle, intensity), [1, 0.8, 0.3, 0.01])
 
@@ -104,7 +111,7 @@ def test_planes_that_go_round_close(tmp_path: Path, steps: tuple[float, float, f
     values = "\n".join(f"1000 {v:.12g} 300 10 0" for v in at_5)
     text = IES.format(planes=len(planes), angles=" ".join(f"{p:g}" for p in planes), values=values)
     file = write(tmp_path / "round.ies", text)
-    angle, intensity = intensity_table(file)
+    angle, intensity = mean_table(file)
     around = at_5[:-1] if planes[-1] == 360 else at_5
     assert np.interp(math.radians(5), angle, intensity) == pytest.approx(around.mean() / 1000, rel=1e-9)
 
@@ -128,7 +135,7 @@ def test_a_round_luminaire_says_nothing(tmp_path: Path) -> None:
     file = write(tmp_path / "round.ies", IES.format(planes=2, angles="0 90", values=values))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        intensity_table(file)
+        mean_table(file)
 
 
 def test_ies_half_planes_are_averaged(tmp_path: Path) -> None:
@@ -137,7 +144,7 @@ def test_ies_half_planes_are_averaged(tmp_path: Path) -> None:
     """
     values = "1000 800 300 10 0\n1000 600 100 10 0"
     file = write(tmp_path / "oval.ies", IES.format(planes=2, angles="0 90", values=values))
-    angle, intensity = intensity_table(file)
+    angle, intensity = mean_table(file)
     np.testing.assert_allclose(np.interp(np.radians([5, 10]), angle, intensity), [0.7, 0.2], rtol=1e-9)
 
 
@@ -145,7 +152,7 @@ def test_eulumdat(tmp_path: Path) -> None:
     """EULUMDAT with rotational symmetry (Isym = 1), in cd per kilolumen."""
     rows = ["0", "0", "5", "10", "45", "90", "1000", "800", "300", "10", "0", ""]
     head = LDT_HEAD.format(symmetry=1, planes=1, step=0)
-    angle, intensity = intensity_table(write(tmp_path / "spot.ldt", head + "\n".join(rows)))
+    angle, intensity = mean_table(write(tmp_path / "spot.ldt", head + "\n".join(rows)))
     np.testing.assert_allclose(np.interp(np.radians([0, 5, 10, 45]), angle, intensity), [1, 0.8, 0.3, 0.01])
 
 
@@ -157,11 +164,11 @@ def test_eulumdat_without_symmetry(tmp_path: Path) -> None:
     values = [["1000", str(v), "300", "10", "0"] for v in (800, 600, 400, 200)]
     head = LDT_HEAD.format(symmetry=0, planes=4, step=90)
     rows = ["0", "90", "180", "270", *angles, *(v for plane in values for v in plane), ""]
-    angle, intensity = intensity_table(write(tmp_path / "free.ldt", head + "\n".join(rows)))
+    angle, intensity = mean_table(write(tmp_path / "free.ldt", head + "\n".join(rows)))
     assert np.interp(math.radians(5), angle, intensity) == pytest.approx(0.5)
     head = LDT_HEAD.format(symmetry=4, planes=8, step=45)
     rows = [*(str(45 * k) for k in range(8)), *angles, *(v for plane in values[:3] for v in plane), ""]
-    angle, intensity = intensity_table(write(tmp_path / "quadrant.ldt", head + "\n".join(rows)))
+    angle, intensity = mean_table(write(tmp_path / "quadrant.ldt", head + "\n".join(rows)))
     assert np.interp(math.radians(5), angle, intensity) == pytest.approx((0.5 * 0.8 + 0.6 + 0.5 * 0.4) / 2)
 
 
@@ -169,7 +176,7 @@ def test_cut_ies_file(tmp_path: Path) -> None:
     """One value missing at the end is not filled up."""
     file = write(tmp_path / "cut.ies", IES.format(planes=1, angles="0", values="1000 800 300 10"))
     with pytest.raises(SceneError, match="cut short: 5 numbers expected, 4 left"):
-        intensity_table(file)
+        mean_table(file)
 
 
 @pytest.mark.parametrize("word", ["nan", "inf", "1e308"])
@@ -178,7 +185,7 @@ def test_what_is_no_number_of_a_lamp_is_named(tmp_path: Path, word: str) -> None
     values = f"{word} 800 300 10 0\n{word} 600 100 10 0"
     file = write(tmp_path / "bright.ies", IES.format(planes=2, angles="0 90", values=values))
     with pytest.raises(SceneError, match=f"{word} is no number that a lamp can have"):
-        intensity_table(file)
+        mean_table(file)
 
 
 @pytest.mark.parametrize("suffix", [".ies", ".ldt"])
@@ -187,7 +194,7 @@ def test_broken_photometric_files(tmp_path: Path, suffix: str, content: str) -> 
     """A cut or foreign file is an error that says what to do, whatever the reading library runs into."""
     file = write(tmp_path / f"broken{suffix}", content)
     with pytest.raises(SceneError, match=r"not readable as .*remedy"):
-        intensity_table(file)
+        mean_table(file)
 
 
 def test_planck_is_normalised_to_the_power() -> None:

@@ -14,9 +14,10 @@ from lightfield.errors import SceneError, UsageError
 from lightfield.report.link import link_page
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr
-from lightfield.studies.link.receiver import ELECTRON_C, Receiver
+from lightfield.studies.link.receiver import Receiver
 from lightfield.studies.link.study import Link, link
 from lightfield.studies.link.text import as_data, as_text
+from lightfield.studies.photocurrent import ELECTRON_C
 from lightfield.studies.working_range.study import working_range
 
 HALF = np.radians(3.81)

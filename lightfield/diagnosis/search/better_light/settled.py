@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.problem.candidates import go_together
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.acceptance import accepted_of
@@ -212,8 +213,12 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
     claimed = [e.candidate for e in known if e.is_claimed]
     for k, one in enumerate(known):
         kept = [c for c in claimed if c is not one.candidate]
-        fits = all(more.effect.combines_with(c.effect) for c in kept)
-        if not (fits and one.level == "certain" and named(one.candidate) and one.gap_named < _WITHIN):
+        if not (
+            go_together((*kept, more))
+            and one.level == "certain"
+            and named(one.candidate)
+            and one.gap_named < _WITHIN
+        ):
             continue
         rival = pool.finished(pool.fit((*kept, more), [begin_at(node)]))
         if not scatters(problem, rival.fit):

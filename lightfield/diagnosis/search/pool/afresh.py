@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool
 from lightfield.diagnosis.search.pool.moves import polish
@@ -33,8 +33,7 @@ def _around(pool: Pool, found: Node) -> Iterator[Explanation]:
             yield node.explanation
     for candidate in pool.problem.candidates:
         whole = (*named, candidate)
-        joined = all(candidate.effect.combines_with(c.effect) for c in named)
-        if joined and frozenset(c.key for c in whole) not in pool.nodes:
+        if go_together(whole) and frozenset(c.key for c in whole) not in pool.nodes:
             yield whole
 
 

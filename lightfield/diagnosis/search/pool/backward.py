@@ -9,7 +9,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
-from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool, begin_at, joins, with_effect
 
 #: Stages that are fitted, of at most so many effects.
@@ -100,10 +100,7 @@ def linear_backward(pool: Pool, node: Node, allowed: Allowed, fits: int = FITS) 
 
 def _fit(pool: Pool, node: Node, sizes: list[tuple[_Block, Array]], promised: float) -> None:
     candidates = [block.candidate for block, _ in sizes]
-    compatible = all(
-        a.effect.combines_with(b.effect) for i, a in enumerate(candidates) for b in candidates[:i]
-    )
-    if not compatible or not pool.affordable(candidates):
+    if not go_together(candidates) or not pool.affordable(candidates):
         return
     begin = begin_at(node)
     for block, size in sizes:

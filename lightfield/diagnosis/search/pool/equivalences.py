@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 
@@ -80,7 +80,7 @@ def try_beside(pool: Pool, node: Node, candidate: Candidate) -> None:
     for new in pool.problem.candidates:
         whole = (*rest, new)
         shows = BESIDE.get(new.name) in {c.name for c in rest} and new.name not in have
-        if not (shows and all(new.effect.combines_with(c.effect) for c in rest) and pool.affordable(whole)):
+        if not (shows and go_together(whole) and pool.affordable(whole)):
             continue
         known = fitted_at(node)
         sizes = [
@@ -103,7 +103,6 @@ def try_declared(pool: Pool, node: Node, candidate: Candidate) -> None:
         new = [c for c in pool.problem.candidates if c.name in line.together and c.name not in have]
         whole = (*rest, *new)
         found = {c.name for c in whole} >= set(line.together)
-        fits_together = all(a.effect.combines_with(b.effect) for i, a in enumerate(whole) for b in whole[:i])
-        if found and new and fits_together and pool.affordable(whole):
+        if found and new and go_together(whole) and pool.affordable(whole):
             known = fitted_at(node)
             pool.fit(whole, [Begin(known | start) for start in line.starts(node.fit.values)])
