@@ -6,8 +6,8 @@ import re
 
 from lightfield.arrays import Array
 from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.document import Document
 from lightfield.readings.instruments.number_block import check_axis, find_table, header_of, wavelength_column
-from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems

@@ -9,8 +9,8 @@ from types import ModuleType
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.instruments import avantes, hyperocr, par, plain, ramses, seabass, unknown
+from lightfield.readings.instruments.document import Document, take_apart
 from lightfield.readings.instruments.oceanoptics import jaz, jaz_irradiance, oceanview, procspec, spectrasuite
-from lightfield.readings.instruments.oceanoptics.document import Document, take_apart
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.text import decode
 from lightfield.storage.inputs import SPECTRUM, read_bytes

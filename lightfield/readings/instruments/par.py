@@ -6,8 +6,8 @@ import re
 
 import numpy as np
 
+from lightfield.readings.instruments.document import Document
 from lightfield.readings.instruments.number_block import NumberBlock, find_table, header_of
-from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems

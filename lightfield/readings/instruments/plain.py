@@ -10,6 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.instruments import labels
+from lightfield.readings.instruments.document import Document
 from lightfield.readings.instruments.number_block import (
     NumberBlock,
     check_axis,
@@ -17,7 +18,6 @@ from lightfield.readings.instruments.number_block import (
     header_of,
     wavelength_column,
 )
-from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems

@@ -7,8 +7,8 @@ import re
 import numpy as np
 
 from lightfield.readings import text, units
+from lightfield.readings.instruments.document import Document
 from lightfield.readings.instruments.number_block import check_axis
-from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 

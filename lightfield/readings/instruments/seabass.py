@@ -11,8 +11,8 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.readings import text, units
+from lightfield.readings.instruments.document import Document
 from lightfield.readings.instruments.number_block import LEAST_ACROSS, check_axis
-from lightfield.readings.instruments.oceanoptics.document import Document
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 

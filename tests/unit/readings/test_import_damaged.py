@@ -9,8 +9,8 @@ from ocean_files import FORMATS, begin, parse, text_of
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import text
+from lightfield.readings.instruments.document import take_apart
 from lightfield.readings.instruments.formats import spectra_of
-from lightfield.readings.instruments.oceanoptics.document import take_apart
 
 
 def check_fuzzed(data: bytes) -> None:

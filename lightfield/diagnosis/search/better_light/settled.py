@@ -213,12 +213,8 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
     claimed = [e.candidate for e in known if e.is_claimed]
     for k, one in enumerate(known):
         kept = [c for c in claimed if c is not one.candidate]
-        if not (
-            go_together((*kept, more))
-            and one.level == "certain"
-            and named(one.candidate)
-            and one.gap_named < _WITHIN
-        ):
+        is_near = one.level == "certain" and named(one.candidate) and one.gap_named < _WITHIN
+        if not (is_near and go_together((*kept, more))):
             continue
         rival = pool.finished(pool.fit((*kept, more), [begin_at(node)]))
         if not scatters(problem, rival.fit):

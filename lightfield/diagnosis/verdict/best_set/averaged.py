@@ -147,4 +147,4 @@ def averaged(best: Tried, others: Sequence[tuple[float, Mapping[str, float], Map
 
 def largest(one: Mapping[str, float], other: Mapping[str, float]) -> dict[str, float]:
     """Of two errors of a value the larger one."""
-    return {path: max(one.get(path, 0.0), other.get(path, 0.0)) for path in {**one, **other}}
+    return {path: float(np.fmax(one.get(path, 0.0), other.get(path, 0.0))) for path in {**one, **other}}

@@ -23,6 +23,7 @@ from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.own_errors import objective, under_own_errors
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA, Limit
+from lightfield.diagnosis.verdict.best_set.averaged import largest
 from lightfield.diagnosis.verdict.best_set.uncertain_light import in_uncertain_light
 from lightfield.fitting.least_squares import Fit
 
@@ -43,7 +44,7 @@ class WithScattering:
     Parameters
     ----------
     errors : mapping
-        Standard errors by path; where the best scattering is none, those beside some.
+        Standard errors by path; where it is less than what was traced, no less than those beside that.
     saved : float
         Chi-square that it saves beyond what the photons' errors take up, in units of the noise.
     """
@@ -105,15 +106,16 @@ def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScatte
         return None
     there = following(problem, traced, seed, _PHOTONS)
     found_there = in_uncertain_light(there, explanation, main, start)
-    fit, phi, sure = found_there.fit, best.adequacy.phi, found_there
+    fit, phi = found_there.fit, best.adequacy.phi
+    errors = found_there.stderr(phi)
     alone = under_own_errors(there, best.explanation, best.fit, main)
     i = fit.paths.index(_PATH)
-    if fit.at_bound()[i]:
+    if fit.u[i] < _TRACED_PER_M:
         some = fit.u.copy()
         some[i] = _TRACED_PER_M
-        sure = in_uncertain_light(there, explanation, main, some, rounds=0)
+        errors = largest(errors, in_uncertain_light(there, explanation, main, some, rounds=0).stderr(phi))
     saved = (objective(alone) - objective((found_there.whiten, fit))) / phi
-    return WithScattering(candidate, fit, sure.stderr(phi), saved)
+    return WithScattering(candidate, fit, errors, saved)
 
 
 def _scatters(candidate: Candidate) -> bool:

@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from typing import Any
 
-from lightfield.readings.instruments.oceanoptics.document import Document, spectrum
+from lightfield.readings.instruments.document import Document, spectrum
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+from lightfield.readings.instruments.document import Document, block_numbers
 from lightfield.readings.instruments.oceanoptics import jaz
-from lightfield.readings.instruments.oceanoptics.document import Document, block_numbers
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from lightfield.readings.instruments.oceanoptics.document import Document, spectrum
+from lightfield.readings.instruments.document import Document, spectrum
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 

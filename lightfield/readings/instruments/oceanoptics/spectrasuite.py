@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lightfield.readings.instruments.oceanoptics.document import Document, spectrum
+from lightfield.readings.instruments.document import Document, spectrum
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 

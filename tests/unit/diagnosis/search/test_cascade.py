@@ -88,7 +88,7 @@ def test_a_set_of_more_effects_that_costs_hardly_more_leaves_the_answer_open() -
     assert 9 < pair - truth < 15
     answer = found(made, problem)
     assert {t.names for t in answer.accepted} == {("both", "rows")} and answer.weights[0] > CONVINCING
-    answer = levelled(Data(problem, made.sigma, Budget(0, 0, 0)), made.prepared(problem), answer, 0.01)
+    answer = levelled(Data(problem, made.sigma, Budget(0, 0, 0)), made.prepared(problem), answer)
     assert answer.many is not None
     known = {e.candidate.name: e for e in answer.many.evidence}
     assert known["both"].gap_named < GAP < known["rows"].gap_named

@@ -1,4 +1,4 @@
-"""What text files of Ocean Optics programs share: labelled header, marked blocks, columns of numbers."""
+"""A text file taken apart: labelled header, marked blocks as programs of Ocean Optics write, columns."""
 
 from __future__ import annotations
 
