@@ -41,6 +41,7 @@ was hidden refitted (of a lamp that is no Gaussian its curve too: what the curve
 **Right** is a name that was hidden, or the curve that contains what was; a *set* is right if it has all that
 is above 5 sigma and nothing that was not hidden. Diagnoses trace their own light, as the command does.
 
+Explained are all sets but those of the verdict "unexplained": also those in which nothing is found missing.
 The aims are figures of the method's prototype, by its own rules: names that are certain are among those that
 are the simplest, too, and finding by sigma is counted in clean sets.
 """

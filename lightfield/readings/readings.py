@@ -50,11 +50,13 @@ class Readings(Unchecked):
         }
         readings = cls(**columns, budget=budget, extra=extra, **given)
         check_values(readings)
-        if budget.saturation_level is not None:
-            readings = replace(
-                readings, saturated=readings.saturated | (readings.value >= budget.saturation_level)
-            )
+        readings = readings.saturated_by_level()
         return replace(readings, warnings=(*readings.warnings, *load_warnings(readings)))
+
+    def saturated_by_level(self) -> Readings:
+        """The same; what reaches the level of the budget, if it states one, counts as saturated."""
+        level = self.budget.saturation_level
+        return self if level is None else replace(self, saturated=self.saturated | (self.value >= level))
 
     def __repr__(self) -> str:
         planes = np.unique(self.z_m).size

@@ -40,5 +40,7 @@ TRACED = Acts.BEAM | Acts.SOURCE | Acts.LAYERS | Acts.PHASE | _IN_TANK | Acts.RE
 DIFFUSE = Acts.SCATTERING | Acts.PHASE | Acts.REFLECTION
 #: What dims the light on its way, wherever it goes.
 ATTENUATION = Acts.ABSORPTION | Acts.SCATTERING | Acts.HARDENING
+#: What water takes on the way, whatever it is made of.
+IN_WATER = ATTENUATION | Acts.LAYERS | Acts.COLOUR | Acts.BASE
 #: What acts when the light has arrived, or on all light alike.
 AFTERWARDS = Acts.POWER | Acts.TIME | Acts.READOUT

@@ -82,10 +82,7 @@ def read_table(
     if scene is not None:
         readings = against_scene(readings, scene, problems)
     problems.raise_any()
-    if budget.saturation_level is not None:
-        readings = replace(
-            readings, saturated=readings.saturated | (readings.value >= budget.saturation_level)
-        )
+    readings = readings.saturated_by_level()
     return replace(readings, warnings=(*_file_warnings(sheet, head), *load_warnings(readings)))
 
 

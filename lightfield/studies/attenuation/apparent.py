@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
-from scipy import stats
 
 from lightfield.arrays import Array
-from lightfield.studies.attenuation.common_errors import Design, JointEstimate, stays
+from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_p, stays
 from lightfield.studies.attenuation.ratios import Ratios
 
 #: What the paper states attenuation over.
@@ -69,8 +68,7 @@ class Apparent:
     @property
     def misfit_p(self) -> float:
         """Probability of a larger chi-square if the logarithm really falls on straight lines."""
-        dof = self.estimate.dof
-        return float(stats.chi2.sf(self.estimate.chi2, dof)) if dof > 0 else float("nan")
+        return misfit_p(self.estimate.chi2, self.estimate.dof)
 
     def one_distance(self) -> tuple[Array, Array]:
         """-ln(water / air) / s of every place by itself, gain and window uncorrected, and its error, 1/m.

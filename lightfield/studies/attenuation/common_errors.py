@@ -26,6 +26,11 @@ _TOLD = 1e-9
 POOR_FIT = 0.01
 
 
+def misfit_p(chi2: float, dof: int) -> float:
+    """Probability of a larger chi-square where the model holds; NaN where nothing is left to tell."""
+    return float(stats.chi2.sf(chi2, dof)) if dof > 0 else float("nan")
+
+
 def misfit_factor(chi2: float, dof: int) -> float:
     """What errors are multiplied by where the model does not fit; 1 where that may be chance.
 

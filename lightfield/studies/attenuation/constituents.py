@@ -14,12 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import brentq, least_squares
 
 from lightfield.arrays import Array
 from lightfield.scene.water.water import Water
-from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_factor
+from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_factor, misfit_p
 from lightfield.studies.attenuation.scattered import Stack
 
 #: What is looked for: field of the water, its unit, its name, where fits start, what it is scaled by, and how
@@ -91,7 +90,7 @@ class Constituents:
     @property
     def p(self) -> float:
         """Probability of a larger chi-square."""
-        return float(stats.chi2.sf(self.chi2, self.dof)) if self.dof > 0 else float("nan")
+        return misfit_p(self.chi2, self.dof)
 
     @property
     def rejected(self) -> bool:

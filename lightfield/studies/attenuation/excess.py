@@ -16,7 +16,7 @@ from lightfield.errors import RenderError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.formula.closed_form import direct_field
 from lightfield.scene import Scene
-from lightfield.scene.acts import ATTENUATION, Acts
+from lightfield.scene.acts import IN_WATER
 from lightfield.scene.all_parameters import without
 from lightfield.studies.light_at import Places, diffuse_response_at
 
@@ -71,7 +71,7 @@ class Excess:
 
 def grey(scene: Scene, a: float, b: float) -> Scene:
     """The scene in uniform water of these coefficients, with its own phase function."""
-    plain = without(scene, ATTENUATION | Acts.LAYERS | Acts.COLOUR | Acts.BASE)
+    plain = without(scene, IN_WATER)
     return plain.with_values({"water.absorption_per_m": a, "water.scattering_per_m": b}, validate=False)
 
 

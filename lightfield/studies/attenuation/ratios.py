@@ -22,7 +22,7 @@ from lightfield.errors import MeasurementError
 from lightfield.formula.closed_form import direct_field, time_factor
 from lightfield.readings import Readings
 from lightfield.scene import Scene, Water
-from lightfield.scene.acts import ATTENUATION, Acts
+from lightfield.scene.acts import IN_WATER
 from lightfield.scene.all_parameters import without
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
@@ -120,7 +120,7 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     light = (table.value - scene.detector.background) / time_factor(scene, table.time_s)
     relative, notes = _relative_errors(table, light, place * len(colours) + colour, air)
     x, y, z = places.T
-    lossless = without(scene, ATTENUATION | Acts.LAYERS | Acts.COLOUR | Acts.BASE)
+    lossless = without(scene, IN_WATER)
     clear = direct_field(lossless, x, y, z)
     thick = lossless.with_values({"water.absorption_per_m": 1.0}, validate=False)
     with np.errstate(invalid="ignore"):  # 0 / 0 where the receiver does not see the lamp: left out below

@@ -13,13 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from lightfield.arrays import Array
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.scene.water.water import Water
 from lightfield.studies.attenuation.apparent import Apparent
-from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, stays
+from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, misfit_p, stays
 from lightfield.studies.attenuation.excess import Excess, excess_light
 from lightfield.studies.attenuation.ratios import Ratios
 
@@ -84,7 +83,7 @@ class Scattered:
     @property
     def misfit_p(self) -> float:
         """Probability of a larger chi-square if only absorption and scattering are at work."""
-        return float(stats.chi2.sf(self.chi2, self.dof)) if self.dof > 0 else float("nan")
+        return misfit_p(self.chi2, self.dof)
 
 
 @dataclass(frozen=True, eq=False)
