@@ -254,7 +254,8 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         found=told,
         nearest_rival=rival,
         detection_limits=_limits(finding, units, found.also),
-        hindrances={name: list(why) for name, why in untestable.items()},
+        # By name: of an effect with several forms one may be in the best set, and another not testable.
+        hindrances={n: list(why) for n, why in untestable.items() if n not in {one.effect for one in told}},
         unexplained_coordinate=coordinate,
         misfit=misfit,
         left_over=list(left),

@@ -51,7 +51,7 @@ def as_text(verdict: Verdict) -> str:
         listed = ", ".join(
             f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
         )
-        lines.append("would have been seen: " + listed)
+        lines.append("would have been seen, each alone: " + listed)
     hidden = [name for name, each in verdict.detection_limits.items() if not each.within_range]
     if hidden and verdict.verdict == "none":
         lines.append(f"could not have been seen, not even at the largest plausible size: {', '.join(hidden)}")

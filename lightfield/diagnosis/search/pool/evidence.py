@@ -16,7 +16,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
 from lightfield.diagnosis.search.pool.gains_or_water import water_may_do_it
-from lightfield.diagnosis.search.pool.uneven_lamp import of_an_uneven_lamp
+from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
@@ -189,7 +189,8 @@ def may_be_another_lamp(pool: Pool, node: Node, candidate: Candidate) -> bool:
     Two forms of a beam are terms of any shape: its curve, with more functions, does as well.
     """
     of_shape = len(_forms(pool, node, candidate, (BEAM_PROFILE,))) > 1
-    return of_shape or candidate in of_an_uneven_lamp(node.explanation)
+    of_lamp = [*of_an_uneven_lamp(node.explanation), *beside_finest_curve(node.explanation)]
+    return of_shape or candidate in of_lamp
 
 
 def _claim(gap: float, gap_named: float, gap_plus: float) -> Level:

@@ -29,6 +29,7 @@ class Warns(str, Enum):
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
     UNEVEN_LAMP = "uneven lamp"
+    FINEST_CURVE = "lamp's curve as fine as curves go"
     LEFT_OUT = "scattered and reflected light left out"
     NOT_CONVERGED = "not converged"
     NOT_CONFIRMED = "not confirmed by a fresh render"
@@ -63,6 +64,8 @@ _WORDS = {
     Warns.ASSUMED_ON_TRUST: _ON_TRUST.format("assumed"),
     Warns.UNEVEN_LAMP: "only the direction of the light tells of {about}: a lamp with another uneven beam "
     "may do the same; turn it by 180 degrees about its axis and read again: what turns with it is the lamp's",
+    Warns.FINEST_CURVE: "the lamp's curve takes as many functions as there are: {about} may stand for detail "
+    "that it leaves out, an edge or a ring; measure the lamp in air with a fine step, and state its table",
     Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "
     "fit may take it for something else",
     Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",

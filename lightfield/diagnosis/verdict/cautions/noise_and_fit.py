@@ -7,7 +7,7 @@ from scipy import special
 
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.pool.uneven_lamp import of_an_uneven_lamp
+from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Reason
@@ -49,6 +49,8 @@ def cautions(
         out.append(Caution(warns=Warns.MISFIT_IGNORED))
     if finding.best is not None and (alike := of_an_uneven_lamp(finding.best.explanation)):
         out.append(Caution(warns=Warns.UNEVEN_LAMP, about=", ".join(c.name for c in alike)))
+    if finding.best is not None and (beside := beside_finest_curve(finding.best.explanation)):
+        out.append(Caution(warns=Warns.FINEST_CURVE, about=", ".join(c.name for c in beside)))
     for explanation in explanations[:1]:
         for path, estimate in explanation.parameters.items():
             if estimate.reason is Reason.AT_BOUNDARY:

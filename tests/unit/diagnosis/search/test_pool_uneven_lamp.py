@@ -75,3 +75,26 @@ def test_which_effects_may_be_one_lamp() -> None:
     assert alike("beam_tilt", "detector_tilt") == alike("beam_asymmetry", "background") == []
     assert alike("beam_profile", "beam_ellipticity") == alike("beam_skirt", "beam_tilt") == []
     assert alike("beam_profile", "beam_offset", "lamp_size") == []
+
+
+@pytest.mark.parametrize("seed", [2, 7])
+def test_what_a_lamp_with_an_edge_leaves_over_is_no_certain_background(seed: int) -> None:
+    """A trapezoid over the angle, of which smooth curves leave a rest; an offset and a drift besides."""
+    rng = np.random.default_rng(seed)
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-1, 1, 31), [3, 4.5, 6, 7.5, 9], indexing="ij"))
+    order = rng.permutation(len(x))
+    x, z, hour = x[order], z[order], np.arange(len(x)) / 120
+    far, across = np.hypot(x - 0.03, z), np.degrees(np.arctan2(np.abs(x - 0.03), z)) / 8
+    beam = np.clip((1.35 - across) / 0.7, 0, 1) + 0.004 * np.exp(-((across / 4) ** 2))
+    value = beam * np.exp(-0.08 * far) * z / far**3 * (1 + 0.05 * hour)
+    value = value / value.max()
+    sigma = np.hypot(0.007 * value, 5e-4)
+    table = Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=value + sigma * rng.normal(size=len(x)), stderr=sigma,
+        time_s=3600 * hour, scale="relative", position_mm=0.0,
+    )  # fmt: skip
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 9.0}, "water": {"absorption_per_m": 0.065}})
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert "background" in verdict.best_set and "background" not in verdict.certain
+    (finest,) = (c for c in verdict.cautions if c.warns is Warns.FINEST_CURVE)
+    assert "measure the lamp in air" in finest.sentence
