@@ -40,6 +40,9 @@ from lightfield.scene.water.hardening import hardening_depth
 #: below it a trace is clean (chosen; the errors of the field say how it went).
 LEAST_TRACED_PER_M = 0.1
 
+#: Part of a step, and metres, that are rounding: 0.1 m times 6 is more than 0.6 m.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Region:
@@ -62,7 +65,7 @@ class Region:
 
     def grid(self) -> Grid:
         """Cells whose centres reach one step beyond the region."""
-        across = 2 * int(np.ceil(self.half_width_m / self.step_m)) + 3
+        across = 2 * int(np.ceil(self.half_width_m / self.step_m - _ROUNDING)) + 3
         along = int(np.ceil((self.far_m - self.near_m) / (4 * self.step_m))) + 2
         step_z = (self.far_m - self.near_m) / (along - 2)
         first = max(self.near_m - 0.5 * step_z, 0.5 * self.near_m)
@@ -129,7 +132,11 @@ def _check(scene: Scene, region: Region) -> None:
     for cells, pitch, (low, high) in zip(
         (grid.x_m, grid.y_m, grid.z_m), (grid.pitch_x_m, grid.pitch_y_m, 0.0), box, strict=True
     ):
-        inside = inside and cells[0] - 0.5 * pitch >= low and cells[-1] + 0.5 * pitch <= high
+        inside = (
+            inside
+            and cells[0] - 0.5 * pitch >= low - _ROUNDING
+            and cells[-1] + 0.5 * pitch <= high + _ROUNDING
+        )
     if not inside:
         raise RenderError(
             "the light is asked for where there is no water",

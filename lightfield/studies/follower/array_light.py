@@ -116,10 +116,11 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
     step = Region(1, 1, 2).step_m
     if scene.tank is not None:
         (left, right), (low, high), (_, end) = scene.tank.box_m
-        # Whole steps, and one and a half of them between the region and every wall.
+        # Whole steps, and one and a half of them between the region and every wall; along the tank, where a
+        # step is up to four times as long, half of one.
         room = min(-left, right, -low, high)
         across = min(across, step * (np.floor(room / step - 0.5) - 1))
-        far = min(far, end - step)
+        far = min(far, end - 2 * step)
     reference = reference_for_others(scene)
     return traced_field(scene, Region(across, near, far), photons=photons, seed=seed, reference=reference)
 

@@ -112,3 +112,10 @@ def test_without_one_batch(place: Array) -> None:
     for k, one in enumerate(left):
         expected = whole.diffuse_flux(place) * np.delete(mean, k).mean()
         np.testing.assert_allclose(one.diffuse_flux(place), expected, rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("steps", [3, 6, 7])
+def test_rounding_makes_no_cell_more(steps: int) -> None:
+    """0.1 m times 3, 6 and 7 is more than 0.3, 0.6 and 0.7 m: a cell more may not fit into a tank."""
+    assert 0.1 * steps > steps / 10
+    assert Region(0.1 * steps, 2.0, 4.0, 0.1).grid().shape == Region(steps / 10, 2.0, 4.0, 0.1).grid().shape
