@@ -235,12 +235,11 @@ def _transmitted(
     scene: Scene, traced: bool, z: Array, at: Array, tracing: Mapping[str, Any]
 ) -> tuple[Array, Array, Array]:
     """Light at each distance for unit intensity, the slope K of ln(light z^2) and its error, (n_z, n)."""
-    places = np.concatenate([z * (1 - _SLOPE), z, z * (1 + _SLOPE)])
-    if scene.tank is not None and places.max() >= scene.tank.box_m[2][1]:
-        raise UsageError(
-            "a distance outside the tank", found=f"{places.max():g} m, a tenth beyond the farthest",
-            rule=f"less than {scene.tank.box_m[2][1]:g} m",
-        )  # fmt: skip
+    wall = scene.tank.box_m[2][1] if scene.tank is not None else np.inf
+    if z.max() >= wall:
+        raise UsageError("a distance outside the tank", found=f"{z.max():g} m", rule=f"less than {wall:g} m")
+    step = np.minimum(_SLOPE, 0.5 * (wall / z - 1))  # half way to the wall, where that is nearer
+    places = np.concatenate([z * (1 - step), z, z * (1 + step)])
     x, y = (np.full(len(places), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
     if traced and ((scattering_per_m(scene.water, at) > 0).any() or any(scene.reflectances)):
         listed = {
@@ -255,7 +254,7 @@ def _transmitted(
     ln = np.log(np.maximum(light, 1e-300)) + 2 * np.log(places)[:, None]
     near, _, far = np.split(ln, 3)
     first, _, last = np.split(error / np.maximum(light, 1e-300), 3)
-    width = 2 * _SLOPE * z[:, None]
+    width = (2 * step * z)[:, None]
     return np.split(light, 3)[1], (near - far) / width, np.hypot(first, last) / width
 
 

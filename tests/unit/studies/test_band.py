@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 from lightfield.errors import SceneError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.report.band import band_page
-from lightfield.scene import Scene
+from lightfield.scene import Scene, Tank
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.spectral.detector_response import SILICON
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -100,6 +100,15 @@ def test_scattered_light_makes_the_water_look_clearer_than_c(tank) -> None:
     seen = tank.spectrum.attenuation
     beam = best_band(tank.scene, False).spectrum.attenuation
     assert bool((seen < beam).all()) and float((seen / beam).min()) < 0.75
+
+
+def test_a_distance_next_to_the_end_wall() -> None:
+    """7.4 m in a tank that ends at 7.5: K of direct light is that of the water there as well."""
+    near_the_wall = scene().model_copy(update={"tank": Tank(length_m=8.0, behind_lamp_m=0.5)})
+    found, free = (best_band(one, False, distances_m=[7.4]) for one in (near_the_wall, scene()))
+    assert found.spectrum.attenuation.values == pytest.approx(free.spectrum.attenuation.values, rel=1e-6)
+    with pytest.raises(UsageError, match="outside the tank"):
+        best_band(near_the_wall, False, distances_m=[7.6])
 
 
 def test_a_detector_of_its_own(tmp_path) -> None:

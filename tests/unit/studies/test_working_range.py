@@ -158,6 +158,21 @@ def test_smooth_light_is_the_traced_field_with_less_noise() -> None:
     assert np.all(error < noise) and np.all(error > 0)
 
 
+def test_smooth_light_of_walls_alone_stays_by_the_direct_light() -> None:
+    """Water that scatters nothing, walls of 0.1 and a surface, beside a narrow beam: as the trace has it.
+    (Directions of almost no light, one noise over another, made it a thousand times as bright.)"""
+    water = {"absorption_per_m": 0.06, "scattering_per_m": 0.0}
+    tank = {"width_m": 4.0, "depth_m": 3.0, "length_m": 20.0, "wall_albedo": 0.1, "surface": "flat"}
+    base = Scene.from_dict({"lamp": {"hwhm_deg": 5.0}, "water": water, "tank": tank})
+    light = smooth_light(base, 1.5, 16.0, 0.3, 4e5)
+    place = np.array([[0.0, 0.0, 1.6], [0.2, 0.1, 1.6], [0.0, -0.3, 2.5], [0.2, 0.0, 5.0], [0.0, 0.2, 9.0]])
+    normal = np.array([[0, 0, -1.0], [0.3, 0, -0.954], [0, 0.5, -0.866], [0.3, 0, -0.954], [0, 0, -1.0]])
+    smooth, error = light.irradiance(place, normal)
+    traced, noise = traced_field(base, Region(0.64, 1.4, 16.0), photons=4e5, seed=1).irradiance(place, normal)
+    axis = light.reading(place * [0, 0, 1], np.tile([0, 0, -1.0], (5, 1)))
+    assert np.all(np.abs(smooth - traced) < 3.5 * np.hypot(error, noise) + 0.003 * axis)
+
+
 def test_smooth_light_of_dense_water_between_walls_in_clearer_water() -> None:
     """From b = 2.1 to 1.05 per m, 4.8 m away: as a trace there, as stated; by the mean length of the paths to
     all cells it was half too bright. Photons are not all of the error there, but in the trace's own water."""
