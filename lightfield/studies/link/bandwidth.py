@@ -100,7 +100,9 @@ def _first_below(transfer: Array) -> float:
 def between_nodes(z_m: Array, nodes_m: Array, bandwidth_hz: Array, stderr_hz: Array) -> tuple[Array, Array]:
     """Bandwidth between the distances it was asked at, and its error with that of the interpolation.
 
-    Without a limit up to the last distance that has none: no curve leads there.
+    Without a limit up to the first distance that has one: no curve leads there. The farther, the more is
+    scattered: a distance beyond it without a limit had too few photons; beyond the last with one nothing is
+    known: NaN.
 
     Parameters
     ----------
@@ -109,16 +111,17 @@ def between_nodes(z_m: Array, nodes_m: Array, bandwidth_hz: Array, stderr_hz: Ar
     bandwidth_hz, stderr_hz : array, shape of `nodes_m`, Hz
     """
     limited = np.isfinite(bandwidth_hz)
-    first = int(np.flatnonzero(~limited)[-1]) + 1 if (~limited).any() else 0
     values, error = np.full(len(z_m), np.inf), np.full(len(z_m), np.nan)
-    at, width = np.log(nodes_m[first:]), np.log(bandwidth_hz[first:])
+    at, width = np.log(nodes_m[limited]), np.log(bandwidth_hz[limited])
     if len(at) < 2:
         return values, error
-    inside = z_m >= nodes_m[first]
+    first, last = nodes_m[limited][[0, -1]]
+    values[z_m > last] = np.nan
+    inside = (z_m >= first) & (z_m <= last)
     where = np.log(z_m[inside])
     curve = PchipInterpolator(at, width)(where)
     # Between the nodes: as much as a cubic and a straight line part.
-    relative = np.interp(where, at, np.nan_to_num(stderr_hz[first:] / bandwidth_hz[first:]))
+    relative = np.interp(where, at, np.nan_to_num(stderr_hz[limited] / bandwidth_hz[limited]))
     between = np.abs(curve - np.interp(where, at, width))
     values[inside] = np.exp(curve)
     error[inside] = values[inside] * np.hypot(relative, between)

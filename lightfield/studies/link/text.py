@@ -50,15 +50,15 @@ REPORTED_HEAD = ("reported", "water", "source")
 def rows(found: Link) -> list[list[str]]:
     """A row per water, in the order of `HEAD`."""
     table = []
-    far = float(found.dataset.z_m[-1])
+    least, far = float(found.dataset.z_m[0]), float(found.dataset.z_m[-1])
     for k, (name, r) in enumerate(found.reaches.items()):
         a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
         docking, near = r.docking, found.docking_to_m
         table.append([
             name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far),
             reached(r.data_with_echoes_m, most=far), reached(r.data_formula_m, most=far),
-            reached(docking.z_m, docking.stderr_m, docking.from_m, near),
-            reached(docking.formula_m, from_m=docking.formula_from_m, most=near),
+            reached(docking.z_m, docking.stderr_m, docking.from_m, near, least),
+            reached(docking.formula_m, from_m=docking.formula_from_m, most=near, least=least),
             reached(r.seen_m, r.seen_stderr_m, most=far), reached(r.seen_formula_m, most=far),
         ])  # fmt: skip
     return table
@@ -75,7 +75,9 @@ def bandwidth_sentence(found: Link) -> str:
             float(np.interp(far, z, data[name].values)) / 1e6
             for name in ("bandwidth_hz", "bandwidth_stderr_hz")
         )
-        shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else "no limit"
+        before = float(data.bandwidth_hz.values[max(int(np.searchsorted(z, far, side="right")) - 1, 0)])
+        unknown = "no limit" if np.isinf(before) else "too few photons to say"
+        shown = f"{at:.0f} ± {max(error, 1):.0f} MHz" if np.isfinite(at + error) else unknown
         parts.append(f"{shown} at {far:g} m")
     return (
         "Bandwidth by the lengths of the traced paths (3 dB, electrical), in the scene's water: "
@@ -114,13 +116,17 @@ def reported_rows() -> list[list[str]]:
 
 
 def reached(
-    value: float, stderr: float = float("nan"), from_m: float = float("nan"), most: float = 0.0
+    value: float,
+    stderr: float = float("nan"),
+    from_m: float = float("nan"),
+    most: float = 0.0,
+    least: float = 0.0,
 ) -> str:
     """A distance with its error, or that it lies beyond what was asked; and where it begins to hold."""
     if np.isfinite(from_m):
         return f"{from_m:.1f} m to {reached(value, stderr, most=most)}"
     if np.isnan(value):
-        return "nowhere"
+        return f"nowhere from {least:g} m on" if least else "nowhere"
     if np.isinf(value):
         return f"> {most:g} m" if most else "farther than asked"
     return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"

@@ -97,6 +97,13 @@ def test_no_curve_leads_to_where_there_is_no_limit() -> None:
     assert width[2] == pytest.approx(1e9) and 1e8 < width[3] < 1e9
 
 
+def test_a_distance_where_no_photon_arrived_does_not_lift_the_limit_before_it() -> None:
+    nodes, asked = np.array([4.0, 8.0, 16.0, 32.0, 60.0]), np.array([4.0, 8.0, 12.0, 32.0, 50.0])
+    width, _ = between_nodes(asked, nodes, np.array([np.inf, 1e9, np.inf, 1e8, np.inf]), 0.1 * nodes)
+    assert np.isinf(width[0]) and width[1] == pytest.approx(1e9)
+    assert 1e8 < width[2] < 1e9 and width[3] == pytest.approx(1e8) and np.isnan(width[4])
+
+
 def walked(arrived: Arrived, direct: float, receiver: int) -> tuple[float, float]:
     """Bandwidth and error from each photon's own path: nothing is binned but delays within 0.5 %."""
     delay = arrived.excess_m * SECONDS_PER_M
