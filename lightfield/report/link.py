@@ -54,6 +54,8 @@ def reach_figure(found: Link, narrow: bool = False) -> Figure:
                 straight = most if np.isinf(formula) else 0.0 if np.isnan(formula) else formula
                 right.plot([straight] * 2, [y + above - 0.16, y + above + 0.16], color=INK, linewidth=2)
                 shown = f"{words}: > {most:g} m" if np.isinf(at) else f"{words}: {length:.1f} m"
+                if np.isnan(at):
+                    shown = f"{words}: nowhere from {z[0]:g} m on"
                 right.annotate(
                     shown,
                     (max(length, straight), y + above),
