@@ -247,6 +247,8 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     # Too much noise names nothing; readings set aside leave the others as they are.
     nameless = doubt is not None and doubt.reason is not DoubtReason.SET_ASIDE
     told = [] if nameless else found_effects(found.forward, finding, of_best)
+    # By name: of an effect with several forms one may be in the best set, and another not testable.
+    named = {one.effect for one in told}
     return Verdict(
         verdict=kind,
         effects=[c.name for c in best.explanation] if best else [],
@@ -254,8 +256,7 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         found=told,
         nearest_rival=rival,
         detection_limits=_limits(finding, units, found.also),
-        # By name: of an effect with several forms one may be in the best set, and another not testable.
-        hindrances={n: list(why) for n, why in untestable.items() if n not in {one.effect for one in told}},
+        hindrances={name: list(why) for name, why in untestable.items() if name not in named},
         unexplained_coordinate=coordinate,
         misfit=misfit,
         left_over=list(left),

@@ -58,8 +58,8 @@ def headline(one: Apparent) -> str:
     percent, error = (float(v[k]) for v in one.percent())
     least = f", the least of {len(one.K_per_m)} wavelengths" if len(one.K_per_m) > 1 else ""
     return (
-        f"At {one.ratios.wavelength_nm[k]:g} nm the receiver loses {percent:.1f} ± {error:.1f} % per metre "
-        f"(apparent attenuation K = {one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f} per m){least}."
+        f"At {one.ratios.wavelength_nm[k]:g} nm the receiver loses {percent:.1f} ± {max(error, 0.1):.1f} % "
+        f"per metre (apparent attenuation K = {one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f} per m){least}."
     )
 
 
@@ -71,7 +71,7 @@ def table_rows(one: Apparent, most: int = SHOWN) -> list[list[str]]:
         [
             f"{one.ratios.wavelength_nm[k]:g}",
             f"{one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}",
-            *(f"{p[k]:.1f} ± {e[k]:.1f} %" for p, e in columns),
+            *(f"{p[k]:.1f} ± {max(e[k], 0.1):.1f} %" for p, e in columns),
         ]
         for k in evenly(len(one.K_per_m), most)
     ]

@@ -97,7 +97,10 @@ def rows(found: WorkingRange) -> list[list[str]]:
 
 def distance(reach: Reach) -> str:
     """A distance with its error."""
-    error = f" ± {reach.stderr_m:.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
+    # No error is none: what is smaller than the last digit is that digit.
+    error = (
+        f" ± {max(reach.stderr_m, 0.01):.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
+    )
     far = f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
     return _from(reach.from_m) + far
 
