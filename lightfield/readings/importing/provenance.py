@@ -143,10 +143,9 @@ def _lit_darks(sequence: Sequence[Shot], darks: Sequence[Shot]) -> list[LoadWarn
 
 def single_spectra(n_spectra: Sequence[str], stderr: Sequence[float]) -> LoadWarning | None:
     """Says why readings have no standard error."""
-    single = tuple(k + 1 for k, n in enumerate(n_spectra) if n == "1")
-    equal = tuple(
-        k + 1 for k, (n, e) in enumerate(zip(n_spectra, stderr, strict=True)) if n != "1" and np.isnan(e)
-    )
+    without = [(k + 1, n) for k, (n, e) in enumerate(zip(n_spectra, stderr, strict=True)) if np.isnan(e)]
+    single = tuple(k for k, n in without if n == "1")
+    equal = tuple(k for k, n in without if n != "1")
     if not single and not equal:
         return None
     return LoadWarning(Remarks.SINGLE_SPECTRA, {"single": single, "equal": equal})

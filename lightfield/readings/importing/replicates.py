@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.readings.importing import provenance, reduction
+from lightfield.arrays import Array
+from lightfield.readings.importing import provenance
 from lightfield.readings.importing.reduction import Shot
 
 
@@ -31,14 +32,18 @@ def _place(shot: Shot) -> tuple[object, ...]:
 def joined_rows(
     sequence: Sequence[Shot], points: dict[tuple[int, int], BandValue], n_bands: int
 ) -> list[dict[str, Any]]:
-    """One row for each stay at a place, exposure and band; coming back later is another reading."""
+    """One row for each stay at a place, exposure and band; coming back later is another reading.
+
+    Errors of the means are told by the scatter of the repeats, here and at all other places of the band
+    (`pooled_variance`).
+    """
     stays: list[list[int]] = []
     for k, shot in enumerate(sequence):
         if stays and _place(shot) == _place(sequence[stays[-1][0]]):
             stays[-1].append(k)
         else:
             stays.append([k])
-    rows: list[dict[str, Any]] = []
+    stood: list[tuple[list[int], dict[str, int]]] = []
     repeats: dict[tuple[object, ...], int] = {}
     visit, plane = -1, None
     for stay in stays:
@@ -50,24 +55,44 @@ def joined_rows(
             place = _place(sequence[members[0]])[1:]
             repeat = repeats.get(place, 0)
             repeats[place] = repeat + 1
-            rows += [
-                {**_row([points[k, b] for k in members]), "band": b, "repeat": repeat, "visit": visit}
-                for b in range(n_bands)
-            ]
-    return rows
+            stood.append((members, {"repeat": repeat, "visit": visit}))
+    errors = [_errors([[points[k, b] for k in members] for members, _ in stood]) for b in range(n_bands)]
+    return [
+        {**_row([points[k, b] for k in members], errors[b][n]), "band": b, **counted}
+        for n, (members, counted) in enumerate(stood)
+        for b in range(n_bands)
+    ]
 
 
-def _row(points: Sequence[BandValue]) -> dict[str, Any]:
+def _errors(stays: Sequence[Sequence[BandValue]]) -> Array:
+    """Standard errors of the means of one band; nan where none can be told."""
+    from lightfield.readings.importing.repeat_noise import pooled_variance  # brings SciPy
+
+    own, mean, number = [], [], []
+    for points in stays:
+        values = np.array([p.value for p in points])
+        with np.errstate(over="ignore", invalid="ignore"):
+            differ = len(values) > 1 and np.ptp(values) > 0
+            own.append(float(values.var(ddof=1)) if differ else np.nan)
+            mean.append(float(values.mean()))
+        number.append(len(values))
+    exposures = np.array([points[0].shot.exposure_s for points in stays])
+    variance = pooled_variance(np.array(mean), exposures, np.array(own), np.array(number))
+    # The dark's own error is common to the replicates, so averaging does not lessen it.
+    dark = [max(p.dark_error for p in points) for points in stays]
+    return np.asarray(np.hypot(np.sqrt(variance / np.array(number)), dark))
+
+
+def _row(points: Sequence[BandValue], stderr: float) -> dict[str, Any]:
     shots = [p.shot for p in points]
-    value, error = reduction.mean_and_error([p.value for p in points])
     entry = shots[0].entry
     with np.errstate(over="ignore"):
+        value = float(np.mean([p.value for p in points]))
         time_s = float(np.mean([shot.time_s for shot in shots]))
     return {
         "x_m": entry.x_m, "y_m": entry.y_m, "z_m": entry.z_m, "medium": entry.medium, "role": entry.role,
         "value": value,
-        # The dark's own error is common to the replicates, so averaging does not lessen it.
-        "stderr": float(np.hypot(error, max(p.dark_error for p in points))),
+        "stderr": float(stderr),
         "time_s": time_s,
         "integration_time_s": shots[0].exposure_s,
         "saturated": any(p.saturated for p in points),
