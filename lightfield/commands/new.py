@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from shlex import quote
 
 from lightfield.errors import LightfieldError
 from lightfield.experiments.new_tank import LAYOUT, READINGS, SCENE, NewTank, new_tank, sizes_told
@@ -39,16 +40,17 @@ def run(args: argparse.Namespace) -> int:
     name = args.output.resolve().name
     made = asked(name) if asking else new_tank(answers, name)
     files = made.save(output_folder(args.output))
-    scene, readings = files[SCENE], files[READINGS]
+    scene, readings = quote(str(files[SCENE])), quote(str(files[READINGS]))
+    report = quote(str(files[READINGS].with_name("report.html")))
     if not asking:
         assumed = [f"{q.name} {q.default}" for q in QUESTIONS if q.name not in answers and q.default]
         if assumed:
             print(f"assumed: {', '.join(assumed)}")
         print(f"tank: {sizes_told(made.scene)}")
-    print(f"scene: {scene}\nreadings: {readings}, {made.rows} places to read")
+    print(f"scene: {files[SCENE]}\nreadings: {files[READINGS]}, {made.rows} places to read")
     print("next, what this layout could tell, and then, with its values filled in, what they tell:")
-    print(f"  lightfield plan {files[LAYOUT]} --scene {scene}")
-    print(f"  lightfield diagnose {readings} --scene {scene} --report {readings.with_name('report.html')}")
+    print(f"  lightfield plan {quote(str(files[LAYOUT]))} --scene {scene}")
+    print(f"  lightfield diagnose {readings} --scene {scene} --report {report}")
     return 0
 
 

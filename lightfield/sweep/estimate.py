@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import sqrt
 
+import numpy as np
+
 from lightfield.progress import duration
 from lightfield.sweep.sharing import Trace
 from lightfield.sweep.sweep_plan import SweepPlan
@@ -57,11 +59,11 @@ def as_text(plan: SweepPlan) -> str:
         lines.append(f"       {len(plan.problems)} of them are impossible and will be recorded as failed")
     each = (cases.count - len(plan.problems)) / max(1, len(plan.traces))
     lines.append(f"traces: {len(plan.traces)}, {each:.4g} cases evaluated from each")
-    for trace in plan.traces[:8]:
+    for trace, own in zip(plan.traces[:8], _own_values(plan), strict=False):
         r = trace.reference
         lines.append(
             f"  {trace.number + 1:4d}  a = {r.absorption_per_m:.4g} /m, b = {r.scattering_per_m:.4g} /m, "
-            f"wall albedo {r.wall_albedo:.3g}: {trace.cases} cases"
+            f"wall albedo {r.wall_albedo:.3g}{own}: {trace.cases} case{'s' * (trace.cases != 1)}"
         )
     if len(plan.traces) > 8:
         lines.append(f"  ... and {len(plan.traces) - 8} more")
@@ -73,6 +75,21 @@ def as_text(plan: SweepPlan) -> str:
         f"memory {byte_size(cost.memory_bytes)} per worker"
     )
     return "\n".join(lines)
+
+
+#: What a trace's line says of itself already.
+_SAID = ("water.absorption_per_m", "water.scattering_per_m", "tank.wall_albedo")
+
+
+def _own_values(plan: SweepPlan) -> list[str]:
+    """What the cases of a trace have in common, beside what its line says; of the first traces."""
+    found = []
+    for number in range(min(len(plan.traces), 8)):
+        first, *others = (plan.cases.values(int(k)) for k in np.flatnonzero(plan.trace_of_case == number))
+        alike = {p: v for p, v in first.items() if p not in _SAID and all(v == other[p] for other in others)}
+        told = (f"{v:g}" if isinstance(v, float) else str(v) for v in alike.values())
+        found.append("".join(f", {path} = {text}" for path, text in zip(alike, told, strict=True)))
+    return found
 
 
 def byte_size(count: float) -> str:

@@ -199,6 +199,15 @@ def test_a_dry_run_prints_the_plan_and_writes_nothing(
     assert [f.name for f in tmp_path.iterdir()] == ["scene.toml"]
 
 
+def test_a_dry_run_says_what_a_trace_is_of(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every line is another trace: the values that its cases share and others do not."""
+    (tmp_path / "scene.toml").write_text("[detector]\nplanes_m = [3]\n", encoding="utf-8")
+    words = ["sweep", str(tmp_path / "scene.toml"), "--vary", "lamp.hwhm_deg=5,6", "--dry-run"]
+    assert main([*words, "--vary", "water.absorption_per_m=0,0.1"]) == 0
+    told = [line for line in capsys.readouterr().out.splitlines() if "2 cases" in line and "a =" in line]
+    assert [line.split("lamp.")[1] for line in told] == ["hwhm_deg = 5: 2 cases", "hwhm_deg = 6: 2 cases"]
+
+
 def test_cells_outside_the_tank_are_unknown_in_store_and_images(tmp_path: Path) -> None:
     """A lamp that is lowered in a shallow tank: planes of one shape, the water above and below it known."""
     scene = Scene.from_dict(

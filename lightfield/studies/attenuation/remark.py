@@ -20,6 +20,7 @@ class Studied(str, Enum):
     NOT_TRACED = "not_traced"
     FEW_COLOURS = "few_colours"
     NO_CONSTITUENTS = "no_constituents"
+    GROWS = "grows"
 
 
 @dataclass(frozen=True)
@@ -66,5 +67,8 @@ _WORDS = {
     "the band's mean attenuation here",
     Studied.NOT_TRACED: "scattered light could not be traced: {why}",
     Studied.FEW_COLOURS: "constituents need {limit:g} wavelengths",
+    Studied.GROWS: "at {count} of {among} wavelengths light in water grows with distance against its "
+    "reference (K below zero by more than {limit:g} of its errors), which no water does: are water and air "
+    "exchanged in the column medium, or distances?",
     Studied.NO_CONSTITUENTS: "constituents were not looked for: {why}",
 }

@@ -29,6 +29,9 @@ from lightfield.studies.attenuation.scattered import (
     traced_stack,
 )
 
+#: From so many errors below zero on a coefficient is no chance.
+SIGMAS = 3.0
+
 
 @dataclass(frozen=True, eq=False)
 class Content:
@@ -111,7 +114,7 @@ def attenuation(
     ratios = [ratios_of(table, scene, in_air) for table, scene in zip(tables, given, strict=True)]
     same_water(ratios)
     apparent = tuple(apparent_attenuation(r) for r in ratios)
-    notes = [note for r in ratios for note in r.notes]
+    notes = [note for r in ratios for note in r.notes] + [n for one in apparent for n in _growing(one)]
     stack, others, scattered = None, {}, None
     if trace is not None:
         try:
@@ -131,6 +134,12 @@ def attenuation(
         except SceneError as error:
             notes.append(Remark(Studied.NO_CONSTITUENTS, why=str(error)))
     return Attenuation(apparent, scattered, content, tuple(dict.fromkeys(notes)))
+
+
+def _growing(found: Apparent) -> list[Remark]:
+    """Where K is below zero beyond its errors."""
+    count = int((found.K_per_m < -SIGMAS * found.K_stderr).sum())
+    return [Remark(Studied.GROWS, count=count, among=len(found.K_per_m), limit=SIGMAS)] if count else []
 
 
 def _content(apparent: Sequence[Apparent], stack: Stack | None, others: dict[float, Stack]) -> Content:

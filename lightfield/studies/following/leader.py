@@ -6,8 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
+from lightfield.errors import SceneError
 from lightfield.scene.follower import WAY_COLUMNS, Mission
+from lightfield.scene.tank import Tank
 from lightfield.storage.tables import read_rows
 
 #: Sway, heave and surge of a leader under way: amplitudes, m, and periods, s (chosen: slower than the
@@ -27,6 +29,38 @@ def way_of(mission: Mission) -> Callable[[float], Array]:
         time, *places = read_rows(str(mission.leader_table), WAY_COLUMNS)
         return _along(time, np.stack(places, axis=1))
     return lambda t: np.zeros(3)
+
+
+def beyond_walls(places: Array, tank: Tank | None) -> Mask:
+    """Are places, shape (..., 3), m from where the lamp was at first, outside the tank? Shape (...)."""
+    if tank is None:
+        return np.zeros(places.shape[:-1], bool)
+    low, high = np.array(tank.box_m).T
+    return np.asarray(((places < low) | (places > high)).any(axis=-1))
+
+
+def check_way(mission: Mission, tank: Tank | None) -> None:
+    """Refuse a lamp that drives through the walls of its tank.
+
+    Raises
+    ------
+    SceneError
+        Where and when it would.
+    """
+    way = way_of(mission)
+    times = np.linspace(0.0, mission.duration_s, 1 + int(np.ceil(mission.duration_s)))
+    places = np.array([way(t) for t in times])
+    out = beyond_walls(places, tank)
+    if tank is not None and out.any():
+        at, when = places[out][0], times[out][0]
+        raise SceneError(
+            "the leader drives through a wall of the tank", where="follower.mission.leader",
+            found=f"its lamp at [{', '.join(f'{v:.3g}' for v in at)}] m after {when:g} s",
+            rule="; ".join(
+                f"{low:g} <= {axis} <= {high:g}" for axis, (low, high) in zip("xyz", tank.box_m, strict=True)
+            ),
+            remedy="another way, a larger tank, or open water (no [tank])",
+        )  # fmt: skip
 
 
 def _lawnmower(duration_s: float) -> tuple[Array, Array]:

@@ -19,6 +19,7 @@ from lightfield.studies.follower.bias import CLEAR_PER_M
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
+from lightfield.studies.following.leader import beyond_walls, check_way
 from lightfield.studies.following.loop import Track, run_loop
 from lightfield.studies.following.metrics import METRICS, OverRuns, metrics_of
 from lightfield.studies.following.truth_and_belief import densest_per_m, light_of_mission
@@ -83,6 +84,12 @@ class Followed:
         return int(np.argsort(known, kind="stable")[(len(known) - 1) // 2])
 
     @property
+    def through_walls(self) -> int:
+        """Runs in which the middle of the array leaves the tank."""
+        places = self.track.pose[..., :3] + self.track.leader_m[:, None]
+        return int(beyond_walls(places, self.scene.tank).any(axis=0).sum())
+
+    @property
     def verdict(self) -> str:
         """One sentence."""
         found, mission = self.spreads, self.mission
@@ -98,6 +105,8 @@ class Followed:
         z = found["standoff_at_end" if mission.turbid_factor != 1 or mission.dark_for_s else "standoff"]
         off = z.mean - mission.standoff_m
         stands = f"{believes} stands at {_pm(z)} m where {mission.standoff_m:g} m was asked"
+        if self.through_walls:
+            return f"{stands}, and drives through a wall of the tank in {self.through_walls} of {count} runs"
         if found["outside"].mean > 0:
             return f"{stands}, and leaves the light that is known"
         if abs(off) <= ALLOWED_M:
@@ -116,6 +125,7 @@ class Followed:
             "vehicle": mission.vehicle,
             "degrees_of_freedom": mission.degrees_of_freedom,
             "runs": len(track.contact),
+            "runs_through_walls": self.through_walls,
             "light": "traced field" if self.traced else "formula",
             "verdict": self.verdict,
             "metrics": {
@@ -250,7 +260,7 @@ def follow(
     Raises
     ------
     SceneError, RenderError
-        No array; a follower or a way that is not in the water.
+        No array; a follower or a way of the leader that is not in the water.
     """
     cases = []
     whole = [(name, with_belief(scene, b)) for name, scene in scenes.items() for b in believes or ("",)]
@@ -259,6 +269,7 @@ def follow(
     for k, (name, scene) in enumerate(whole):
         elements = elements_of(array_of(scene))
         _check_length(scene, runs)
+        check_way(follower_in(scene.follower, scene.tank).mission, scene.tank)
         with step(2 * k, 2 * len(whole), f"light of {name}"):
             light = light_of_mission(scene, elements, photons=photons, seed=seed, densest=densest)
         with step(2 * k + 1, 2 * len(whole), f"runs of {name}"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import campaign
 import numpy as np
@@ -161,6 +162,16 @@ def test_what_has_no_partner_or_no_light_is_left_out_and_said() -> None:
     assert data["notes"] == [str(note) for note in found.notes]
     assert {"studied": "faint", "count": 1, "among": 14, "limit": 12.0} in data["remarks"]
     assert found.apparent[0].K_per_m == pytest.approx(truth_per_m(), abs=1e-4)
+
+
+def test_water_and_air_exchanged_are_suspected() -> None:
+    """K is then less than none at every wavelength; with the media as they are nothing is said."""
+    whole = table(scene(), noise=1e-3)
+    swapped = replace(whole, medium=np.where(whole.medium == "air", "water", "air"))
+    grows = [note for note in attenuation(swapped, scene()).notes if note.studied is Studied.GROWS]
+    assert [(note.count, note.among) for note in grows] == [(3, 3)]
+    assert "exchanged" in str(grows[0])
+    assert not [note for note in attenuation(whole, scene()).notes if note.studied is Studied.GROWS]
 
 
 def test_repeats_give_the_error_that_the_table_does_not_state() -> None:

@@ -167,6 +167,21 @@ def test_a_leader_from_a_table(tmp_path: Path) -> None:
     assert 'leader_table = "way.csv"' in (tmp_path / "saved.toml").read_text()
 
 
+def test_walls_stop_the_leader_and_are_told_of_the_follower() -> None:
+    """A tank of 2 m, lanes of 1.2 m: the second turn is at -0.6 m ahead, behind the lamp's wall at -0.5 m."""
+    tank = {"width_m": 2.0, "depth_m": 1.0, "length_m": 9.0, "behind_lamp_m": 0.5}
+    near = KNOWN.to_dict() | {"tank": tank, "detector": {"planes_m": [4.0]}}
+    scene = Scene.from_dict(near).with_values({"follower.mission.duration_s": 60.0})
+    with pytest.raises(SceneError, match=r"leader drives through a wall.*-0\.6.*-0\.5 <= z <= 8\.5"):
+        run(scene, **{"leader": "lawnmower"})
+    stays = run(scene, leader="still", duration_s=5.0)
+    assert stays.through_walls == 0 and "wall" not in stays.verdict
+    track = stays.track
+    track.pose[-1, 0, 0] = 1.2  # 0.2 m beyond the wall
+    assert stays.through_walls == 1
+    assert "drives through a wall of the tank in 1 of 2 runs" in stays.verdict
+
+
 def test_missions_that_cannot_be(tmp_path: Path) -> None:
     table = tmp_path / "way.csv"
     table.write_text("time_s,x_m,y_m,z_m\n1,0,0,0\n0,1,0,0\n")
