@@ -67,6 +67,7 @@ def prepared(argv: list[str]) -> Callable[[], int]:
     for word in argv:
         if re.fullmatch(r"-[^=]*=--", word):  # Python before 3.13 takes this for no value at all
             raise UsageError("expected one argument", where=word.removesuffix("=--"), found="--")
+    argv = _with_negative_lists(argv)
     commands = available()
     general = _general_options(argparse.SUPPRESS)
     words = [word for word in general.parse_known_args(argv)[1] if not word.startswith("-")]
@@ -86,6 +87,17 @@ def prepared(argv: list[str]) -> Callable[[], int]:
             # The environment, not a global: worker processes must follow.
             os.environ[variable] = str(getattr(args, option))
     return partial(runs[args.command], args)
+
+
+def _with_negative_lists(argv: Sequence[str]) -> list[str]:
+    """`--water -0.1,0.4` as `--water=-0.1,0.4`: a list that begins with a minus is no option."""
+    found: list[str] = []
+    for word in argv:
+        if found and re.match(r"-[\d.]+[,:]", word) and re.fullmatch(r"--[^=]+", found[-1]):
+            found[-1] = f"{found[-1]}={word}"
+        else:
+            found.append(word)
+    return found
 
 
 def _check_options(argv: Sequence[str], parser: _Parser, chosen: str | None) -> None:

@@ -69,6 +69,8 @@ def _render(scene: Scene, wavelengths: np.ndarray | None, folder: Path, args: ar
         print("single positions have no images: no EXR, no PNG")
     for path in written:
         print(path)
+    if older := sorted(path.name for path in folder.glob("*.exr") if path not in written):
+        print(f"of another render, not touched: {', '.join(older)}")
     return 0
 
 

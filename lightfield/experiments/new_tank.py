@@ -17,6 +17,7 @@ from lightfield.experiments.layouts import SECONDS_PER_READING
 from lightfield.experiments.questions import QUESTIONS, typed_number, typed_numbers
 from lightfield.readings.checks import FARTHEST_M
 from lightfield.scene import Scene
+from lightfield.scene.bands import refuse_unlit
 from lightfield.scene.spectral.peaks import LEDS, peaks_of
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.library import list_presets, preset_name
@@ -109,7 +110,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
     UsageError
         An answer that is not of its form.
     SceneError
-        Answers that do not fit together, such as distances outside the tank.
+        Answers that do not fit together, such as distances outside the tank, or a band without light.
     """
     given = {q.name: answers.get(q.name, "").strip() or q.default for q in QUESTIONS}
     tank = tank_lines(given)
@@ -154,6 +155,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
     ]
     text = "\n".join(lines)
     scene = Scene.from_toml(text, where="the new scene")
+    refuse_unlit(scene)
     places = _places(scene, planes, points)
     return NewTank(scene, text, table_text(scene, places), table_text(scene, places, blank=True), len(places))
 

@@ -19,7 +19,7 @@ from lightfield.render.settings import OnProgress, Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
-from lightfield.scene.bands import at_wavelengths, over_bands
+from lightfield.scene.bands import at_wavelengths, over_bands, refuse_unlit
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 
 TOGETHER = 25  # wavelengths evaluated at once
@@ -159,8 +159,11 @@ def render_scene(
     ------
     RenderError
         Impossible settings.
+    SceneError
+        No light in any band.
     """
     settings, scene = Settings(rel_error, max_photons, seed, symmetry), lit(scene)
+    refuse_unlit(scene)
     grid = scene_grid(scene) if grid is None else grid
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}

@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
+from lightfield.errors import SceneError
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
+from lightfield.scene.lamp.tabulated import FIRST_NM, LAST_NM, STEP_NM
 from lightfield.scene.scene import Scene
 from lightfield.scene.water.coefficients import known_nm, molecular_per_m, scattering_per_m
 
 #: Equal parts of a band, over each of which the water is taken to be the same.
 PIECES = 5
+#: Part of a spectrum's peak that no instrument sees.
+_LEAST_LIT = 1e-12
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
@@ -83,6 +87,26 @@ def first_band_w_per_sr(scene: Scene) -> float:
     """
     low, high = scene.detector.bands_nm[0]
     return float(over_first_band(scene, PIECES).intensity.mean() * (high - low))
+
+
+def refuse_unlit(scene: Scene) -> None:
+    """Refuse a lamp that gives no light in any band: to be called before anything is traced.
+
+    Raises
+    ------
+    SceneError
+        Less than `_LEAST_LIT` of the spectrum's peak in every band, and no stray light of the others.
+    """
+    at = np.unique(np.concatenate([np.arange(FIRST_NM, LAST_NM + STEP_NM, STEP_NM), knots_nm(scene.lamp)]))
+    peak = float(axial_intensity(scene.lamp, at).max())
+    if scene.detector.stray_light or over_bands(scene).intensity.max() > _LEAST_LIT * peak:
+        return
+    brightest = at[int(axial_intensity(scene.lamp, at).argmax())]
+    raise SceneError(
+        "the lamp gives no light in the bands that are seen", where="detector.bands_nm",
+        found=", ".join(f"{low:g}-{high:g} nm" for low, high in scene.detector.bands_nm),
+        rule=f"the lamp is brightest at {brightest:.0f} nm", remedy="correct the bands, or lamp.spectrum",
+    )  # fmt: skip
 
 
 def over_band(

@@ -13,7 +13,7 @@ from lightfield.fitting.diffuse_light import DiffuseSource, TracedDiffuse
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene
-from lightfield.scene.bands import over_first_band
+from lightfield.scene.bands import over_first_band, refuse_unlit
 from lightfield.scene.water.coefficients import scattering_per_m
 
 Places = tuple[Array, Array, Array]
@@ -116,7 +116,10 @@ def refuse_dark(scene: Scene, z_m: Sequence[float], *, where: str | None = None,
     ------
     UsageError
         Less than `LEAST_LEFT` is left there.
+    SceneError
+        There was none in the scene's bands.
     """
+    refuse_unlit(scene)
     z = np.asarray(z_m, float)
     x, y = (np.full(len(z), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
     refuse_dark_light(z, light_at(scene, x, y, z, None).direct, where=where, remedy=remedy)

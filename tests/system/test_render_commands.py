@@ -78,6 +78,17 @@ PLACES = [
 ]
 
 
+def test_images_of_another_render_are_named_and_kept(scene, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    assert main(["render", scene(0.0), "-o", str(out), "--no-figures", *FAST]) == 0
+    assert "another render" not in capsys.readouterr().out
+    (out / "irradiance_z4.000m.exr").write_bytes(b"older")
+    assert main(["render", scene(0.0), "-o", str(out), "--no-figures", *FAST]) == 0
+    assert "of another render, not touched: irradiance_z4.000m.exr\n" in capsys.readouterr().out
+    assert (out / "irradiance_z4.000m.exr").read_bytes() == b"older"
+
+
 def test_single_positions_are_rendered_where_they_are_and_in_their_order(tmp_path):
     """Among them two closer than a cell, one on a wall, and one twice."""
     path, out = tmp_path / "points.toml", tmp_path / "out"

@@ -122,7 +122,7 @@ def choose() -> Backend:
         raise BackendError(
             "CUDA cannot be used",
             found=problem,
-            remedy=f"unset {KIND_VARIABLE} to compute on the processor with LLVM",
+            remedy=f"ask for llvm, or unset {KIND_VARIABLE}, to compute on the processor",
         )
     if kind == "cuda" or (kind == "auto" and not cuda.cuda_problem()):
         return Backend("cuda", VARIANTS["cuda"], None, None, threads, cache_dir())

@@ -31,16 +31,7 @@ def bias_page(study: BiasStudy) -> str:
             ]
             rows.append([f"b = {b:g}", str(name), *cells, f"{one.misfit.values.max():.1f}"])
     own = study.scene.water.scattering_per_m
-    worst = {
-        str(name): float(np.abs(told_bias(study.plane.sel(calibration=name), "z").fillna(0.0).values).max())
-        for name in study.plane.calibration.values
-    }
-    most, least = max(worst, key=worst.__getitem__), min(worst, key=worst.__getitem__)
-    verdict = (
-        f"In water that scatters {own:g} per metre a follower that believes the formula is up to "
-        f"{worst[most]:.2f} m "
-        f"wrong along the beam ({most}), at best {worst[least]:.2f} m ({least})."
-    )
+    verdict = _bias_headline(study)
     sections = [
         section(
             "Along the beam, in ever more turbid water",
@@ -84,6 +75,30 @@ def bias_page(study: BiasStudy) -> str:
         study.scene,
         [("light", light_in_words(study.traced))],
     )
+
+
+def _bias_headline(study: BiasStudy) -> str:
+    """The worst and the best calibration in the scene's own water, each with the trace's error there."""
+    worst: dict[str, tuple[float, float]] = {}
+    for name in study.plane.calibration.values:
+        plane = study.plane.sel(calibration=name)
+        bias = np.abs(told_bias(plane, "z").fillna(0.0).values).ravel()
+        at = int(bias.argmax())
+        worst[str(name)] = float(bias[at]), float(plane.trace_z.values.ravel()[at])
+    most, least = max(worst, key=lambda k: worst[k][0]), min(worst, key=lambda k: worst[k][0])
+    own = study.scene.water.scattering_per_m
+    return (
+        f"In water that scatters {own:g} per metre a follower that believes the formula is up to "
+        f"{_with_trace(*worst[most])} wrong along the beam ({most}), at best {_with_trace(*worst[least])} "
+        f"({least})."
+    )
+
+
+def _with_trace(bias_m: float, trace_m: float) -> str:
+    """A bias with its error; what the trace does not tell from none is less than two of its errors."""
+    if trace_m > 0 and bias_m < 2 * trace_m:
+        return f"less than {max(2 * trace_m + bias_m, 0.01):.2f} m"
+    return f"{bias_m:.2f}{f' ± {max(trace_m, 0.01):.2f}' if trace_m > 0 else ''} m"
 
 
 def poses_page(poses: Poses) -> str:

@@ -4,10 +4,8 @@
     spread of the estimates  A^-1 B A^-1,   B = J^T W J,   A = B - sum of residuals times second derivatives
 
 p0 is what the maximum likelihood estimate tends to, and the spread is the misspecified Cramer-Rao bound
-(Vuong 1986,
-Caltech working paper 652; Fortunati et al. 2017, IEEE Signal Process. Mag. 34, 142,
-doi:10.1109/MSP.2017.2738017).
-The formula is calibrated in one of four ways.
+(Vuong 1986, Caltech working paper 652; Fortunati et al. 2017, IEEE Signal Process. Mag. 34, 142,
+doi:10.1109/MSP.2017.2738017). The formula is calibrated in one of four ways.
 """
 
 from __future__ import annotations
@@ -235,7 +233,9 @@ class BiasStudy:
             for name in self.axis.calibration.values:
                 one = self.axis.sel(scattering_per_m=b, calibration=name)
                 cells = [
-                    f"{1e3 * v:+.0f} +- {1e3 * s:.0f}" if is_told("z", max(abs(v), s)) else "not determined"
+                    f"{round(1e3 * v):+d} +- {1e3 * s:.0f}"
+                    if is_told("z", max(abs(v), s))
+                    else "not determined"
                     for v, s in zip(one.bias_z.values, one.sigma_z.values, strict=True)
                 ]
                 lines.append(f"  {name:<33} " + " / ".join(f"{cell:>13}" for cell in cells))

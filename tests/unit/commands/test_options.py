@@ -92,3 +92,11 @@ def test_a_misspelt_effect_is_answered_by_the_nearest_alone() -> None:
     with pytest.raises(UsageError) as refused:
         effects.get("scatering")
     assert str(refused.value) == "unknown effect; found 'scatering'; remedy: did you mean scattering?"
+
+
+def test_a_list_that_begins_with_a_minus_is_a_value(tmp_path: Path) -> None:
+    """argparse takes `-0.1,0.4` for an option; a real option that follows stays one."""
+    with pytest.raises(LightfieldError, match=r"absorption_per_m.*found -0\.1"):
+        prepared(["new", "tank", "--water", "-0.1,0.4", "-o", str(tmp_path / "tank")])()
+    with pytest.raises(UsageError, match="--water: expected one argument"):
+        prepared(["new", "tank", "--water", "-o", str(tmp_path / "tank")])

@@ -9,7 +9,7 @@ import pytest
 
 from lightfield.errors import UsageError
 from lightfield.report.follower.page import arrays_page, survey_page
-from lightfield.report.follower.pose_page import poses_page
+from lightfield.report.follower.pose_page import _with_trace, poses_page
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
@@ -58,3 +58,16 @@ def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
     html = poses_page(poses)
     assert "1 without light, 0 that do not fit" in html and "light lost" in html
     assert f"At 0.3 s {states[-1].estimate.pose[2]:.2f} ± " in html and "Line and band: the filter" in html
+
+
+@pytest.mark.parametrize(
+    ("bias", "trace", "says"),
+    [
+        (0.44, 0.02, "0.44 ± 0.02 m"),
+        (0.44, 0.001, "0.44 ± 0.01 m"),  # no error is printed as none
+        (0.44, 0.0, "0.44 m"),  # the formula alone has no photons
+        (0.02, 0.03, "less than 0.08 m"),  # nothing that the trace tells
+    ],
+)
+def test_a_bias_below_its_error_is_no_bias(bias: float, trace: float, says: str) -> None:
+    assert _with_trace(bias, trace) == says

@@ -10,14 +10,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from lightfield.errors import SceneError
 from lightfield.formula.closed_form import direct_field
 from lightfield.maps.dataset import to_dataset
 from lightfield.render.at_readings import render_positions
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
-from lightfield.scene.bands import over_band, over_bands
+from lightfield.scene.bands import over_band, over_bands, refuse_unlit
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.studies.working_range.study import working_range
 
 BAND = (500.0, 550.0)
 
@@ -105,3 +107,25 @@ def test_maps_positions_and_formula_hold_the_same_light(tmp_path: Path) -> None:
     place = scene.with_values({"detector.positions_m": ((0.0, 0.0, 2.0),)})
     at_place = render_positions(place, max_photons=1e3, rel_error=1.0).maps(part="direct")[0][0, 0]
     assert light == pytest.approx(at_place, abs=4 * error + 2e-3 * light)
+
+
+@pytest.mark.parametrize(
+    ("bands", "stray", "dark"),
+    [
+        ([[600.0, 650.0]], 0.0, True),
+        ([[600.0, 650.0]], 0.01, False),  # stray light of its own colours
+        ([[600.0, 650.0], [440.0, 460.0]], 0.0, False),  # one of two, as a control
+        ([[480.0, 500.0]], 0.0, False),  # its tail: 1e-3 of the peak
+    ],
+)
+def test_a_lamp_that_no_band_sees_is_one_error(bands: list[list[float]], stray: float, dark: bool) -> None:
+    """A Gaussian of 20 nm at 450 nm: at 600 nm exp(-156) of it."""
+    detector = {"bands_nm": bands, "planes_m": [2.0], "stray_light": stray}
+    scene = Scene.from_dict({"lamp": {"spectrum": {"peak_nm": 450.0, "fwhm_nm": 20.0}}, "detector": detector})
+    if not dark:
+        refuse_unlit(scene)
+        return
+    says = "no light in the bands.*600-650 nm.*brightest at 450 nm"
+    for asked in (refuse_unlit, render_scene, lambda s: working_range(s, None)):
+        with pytest.raises(SceneError, match=says):
+            asked(scene)
