@@ -40,10 +40,9 @@ class Range(OverAxes[ranging.WorkingRange]):
         from lightfield.report.plots import plot_lines
 
         data = self.details.dataset
-        lines = {
-            "with scattered light": (data.light.values, data.light_stderr.values),
-            "formula": (data.formula.values, None),
-        }
+        lines = {"formula": (data.formula.values, None)}
+        if self.details.traced:
+            lines = {"with scattered light": (data.light.values, data.light_stderr.values), **lines}
         words = ("z (m)", f"light over that at {self.details.reference_m:g} m", "On the axis")
         return plot_lines(ax, data.z_m.values, lines, words)
 

@@ -11,11 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import PercentFormatter
 
 from lightfield.arrays import evenly
 from lightfield.report.regime import COLOURS, NAMES, percent_text
-from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label
+from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label, percent_axis
 from lightfield.studies.compare.maps import SIGMAS
 from lightfield.studies.regime import LEVELS
 from lightfield.sweep.results import axes_of
@@ -66,7 +65,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
             label(axis, "", unit if unit != "1" else "", panels[name])
             if name.startswith("formula_error"):
                 axis.axhline(0, color=MUTED, linewidth=0.8)
-                axis.yaxis.set_major_formatter(PercentFormatter(1, decimals=0))
+                percent_axis(axis.yaxis)
             elif name != "half_width_m" and _spans_a_decade(axis):
                 axis.set_yscale("log")
         for axis in fig.axes[3:4] if narrow else fig.axes[2:4]:
@@ -177,10 +176,11 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
         bar.set_label(f"{quantity.replace('_', ' ')} ({SHORT.get(unit, unit)})", fontsize=9)
         fig.supxlabel(f"columns: {_axis_name(held, along)}", fontsize=9.5)
         fig.supylabel(f"rows: {_axis_name(held, up)}", fontsize=9.5)
+        inside = "panels: x to the right and y up, m" if shape else ""
         where = "" if up == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, middle)}"
         cut = [*_cut(held, along, columns), *_cut(held, up, lines)]
         cut += [*([] if up == plane else _cut(held, plane, [middle])), *_first_of(held)]
-        _note(fig, [where, *rest, *cut])
+        _note(fig, [where, inside, *rest, *cut])
     return fig
 
 

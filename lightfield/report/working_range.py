@@ -23,7 +23,14 @@ from lightfield.report.style import (
 )
 from lightfield.studies.working_range.reaches import POSE_RULES
 from lightfield.studies.working_range.study import WorkingRange
-from lightfield.studies.working_range.text import array_sentence, distance, distance_or_none, headline, rows
+from lightfield.studies.working_range.text import (
+    array_sentence,
+    columns,
+    distance,
+    distance_or_none,
+    headline,
+    rows,
+)
 
 #: Errors are drawn this many times as wide as one standard error.
 SIGMAS = 3.0
@@ -35,8 +42,9 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
     data, z = found.dataset, found.dataset.z_m.values
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         light, error = data.light.values, SIGMAS * data.light_stderr.values
-        left.fill_between(z, light - error, light + error, color=RENDER, alpha=0.3, linewidth=0)
-        left.plot(z, light, color=RENDER, label="with scattered light")
+        if found.traced:
+            left.fill_between(z, light - error, light + error, color=RENDER, alpha=0.3, linewidth=0)
+            left.plot(z, light, color=RENDER, label="with scattered light")
         left.plot(z, data.formula.values, color=FORMULA, linestyle=DASH, label="formula, exp(−cz)")
         if found.readings is not None:
             r = found.readings
@@ -52,7 +60,7 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
         rule = found.reaches[0]
         left.axhline(found.share, color=MUTED, linewidth=0.9)
         for at, other, shade, words in (
-            (rule.z_m, rule.formula_m, RENDER, distance(rule)),
+            *([(rule.z_m, rule.formula_m, RENDER, distance(rule))] if found.traced else []),
             (rule.formula_m, rule.z_m, FORMULA, distance_or_none(rule.formula_m)),
         ):
             if np.isfinite(at):
@@ -68,8 +76,9 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
         left.legend(loc="upper right")
         label(left, "z (m)", f"light over that at {found.reference_m:g} m", "On the axis")
         half, half_error = data.half_radius_m.values, SIGMAS * data.half_radius_stderr_m.values
-        right.fill_between(z, half - half_error, half + half_error, color=RENDER, alpha=0.3, linewidth=0)
-        right.plot(z, half, color=RENDER, label="with scattered light")
+        if found.traced:
+            right.fill_between(z, half - half_error, half + half_error, color=RENDER, alpha=0.3, linewidth=0)
+            right.plot(z, half, color=RENDER, label="with scattered light")
         right.plot(z, data.half_radius_formula_m.values, color=FORMULA, linestyle=DASH, label="formula")
         if found.readings is not None and np.isfinite(found.readings.half_radius_m.values).any():
             r = found.readings
@@ -97,8 +106,9 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
                 low, high = np.maximum(sigma - error, 1e-2 * sigma), sigma + error
                 axis.fill_between(z, low, high, color=shade, alpha=0.3, linewidth=0)
                 axis.plot(z, sigma, color=shade, label=words)
-                by_formula = data[f"sigma_{name}{suffix}_formula_{unit}"].values
-                axis.plot(z, by_formula, color=shade, linestyle=DASH, alpha=0.7)
+                if found.traced:
+                    by_formula = data[f"sigma_{name}{suffix}_formula_{unit}"].values
+                    axis.plot(z, by_formula, color=shade, linestyle=DASH, alpha=0.7)
             axis.axhline(limit, color=BAD, linewidth=1)
             axis.annotate(
                 f"asked: {limit:g} {unit}",
@@ -119,19 +129,18 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
 
 def range_page(found: WorkingRange) -> str:
     """The page."""
+    bands = f"Bands of {SIGMAS:g} standard errors of the render. " if found.traced else ""
     light = page_figure(
-        "light", f"Bands of {SIGMAS:g} standard errors of the render. Grey line: what must be left.",
+        "light", f"{bands}Grey line: what must be left.",
         "Light on the axis and radius of half intensity against distance", fall_figure, found,
     )  # fmt: skip
+    dashed = "Dashed: the same by the formula. " if found.traced else ""
     pose = page_figure(
-        "pose",
-        f"Dashed: the same by the formula. Red: what docking asks. Bands of {SIGMAS:g} standard errors of "
-        "the render.",
+        "pose", f"{dashed}{bands}Red: what docking asks.",
         "Least standard errors of a pose against distance", pose_figure, found,
     )  # fmt: skip
-    table = Table(
-        "± is one standard error of the render.", ("up to", "with scattered light", "formula"), rows(found)
-    )
+    told = "± is one standard error of the render." if found.traced else "By direct light alone."
+    table = Table(told, ("up to", *columns(found)), rows(found))
     sections = [
         Section("How far", (light,), (), (table,)),
         Section("What an array of receivers tells of its pose", (pose,), (array_sentence(found),)),

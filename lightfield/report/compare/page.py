@@ -129,12 +129,13 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
             for plane, row in zip(planes, rows(planes), strict=True)
         ]
         bands.append({"name": f"{wavelength:g} nm", "rows": body, "figures": figures})
+    unit = SHORT_UNITS.get(comparison.units, comparison.units)
     return fill(
         "compare.html",
         title=f"{comparison.scene.name or 'Scene'}: the formula against the render",
         verdict=as_text(comparison),
         bands=bands,
-        table_head=HEAD,
+        table_head=[f"{head} ({unit})" if head == "on the axis" else head for head in HEAD],
         energy=energy_rows(attributes),
         provenance=[(text, attributes[name]) for name, text in PROVENANCE.items() if name in attributes],
         scene_toml=attributes.get("scene_toml", ""),

@@ -95,6 +95,11 @@ class WorkingRange:
         """Distance that everything is normalised at, m."""
         return float(self.dataset.attrs["reference_m"])
 
+    @property
+    def traced(self) -> bool:
+        """Is there scattered light in it? If not, all is the formula's."""
+        return bool(self.dataset.attrs["traced"])
+
 
 def working_range(
     scene: Scene,
@@ -166,7 +171,7 @@ def working_range(
             **pose_sigmas(known, at, z),
         },
         coords={"z_m": ("z_m", z, {"units": "m"})},
-        attrs={"reference_m": first, "noise": noise},
+        attrs={"reference_m": first, "noise": noise, "traced": int(trace is not None)},
     )
     reaches = _reaches(dataset, fine, share, noise, snr)
     return WorkingRange(

@@ -14,10 +14,13 @@ from lightfield.studies.working_range.study import WorkingRange
 
 def as_text(found: WorkingRange) -> str:
     """The answer for people."""
-    table = [["", "with scattered light", "formula"], *rows(found)]
-    words, own, formula = (max(len(row[k]) for row in table) for k in range(3))
+    table = [["", *columns(found)], *rows(found)]
+    words, *widths = (max(len(cell) for cell in column) for column in zip(*table, strict=True))
     lines = [headline(found), ""]
-    lines += [f"{a:<{words}}  {b:>{own}}  {c:>{formula}}" for a, b, c in table]
+    for rule, *cells in table:
+        lines.append(
+            "  ".join([f"{rule:<{words}}", *(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))])
+        )
     lines.append(array_sentence(found))
     return "\n".join(lines)
 
@@ -25,10 +28,10 @@ def as_text(found: WorkingRange) -> str:
 def headline(found: WorkingRange) -> str:
     """One sentence: the paper's rule, with and without scattered light."""
     light, share = found.reaches[0], 100 * found.share
-    return (
-        f"The light falls to {share:g} % of that at {found.reference_m:g} m at {distance(light)}; "
-        f"the formula says {distance_or_none(light.formula_m)}."
-    )
+    falls = f"light falls to {share:g} % of that at {found.reference_m:g} m at {distance(light)}"
+    if not found.traced:
+        return f"By the formula alone (nothing traced) the {falls}."
+    return f"The {falls}; the formula says {distance_or_none(light.formula_m)}."
 
 
 def array_sentence(found: WorkingRange) -> str:
@@ -86,13 +89,18 @@ def rules(found: WorkingRange) -> dict[str, str]:
     }
 
 
+def columns(found: WorkingRange) -> tuple[str, ...]:
+    """What stands beside the rules of `rows`."""
+    return ("with scattered light", "formula") if found.traced else ("formula",)
+
+
 def rows(found: WorkingRange) -> list[list[str]]:
-    """Rule, distance with its error, and that of the formula, as text."""
+    """Rule, distance with its error where light was traced, and that of the formula, as text."""
     words = rules(found)
-    return [
-        [words[r.name], distance(r), _from(r.formula_from_m) + distance_or_none(r.formula_m)]
-        for r in found.reaches
-    ]
+    formula = [_from(r.formula_from_m) + distance_or_none(r.formula_m) for r in found.reaches]
+    if not found.traced:
+        return [[words[r.name], told] for r, told in zip(found.reaches, formula, strict=True)]
+    return [[words[r.name], distance(r), told] for r, told in zip(found.reaches, formula, strict=True)]
 
 
 def distance(reach: Reach) -> str:
@@ -137,6 +145,7 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
         **{str(k): [finite(x) for x in v.values] for k, v in {**data.coords, **data.data_vars}.items()},
         **{str(k): v for k, v in data.attrs.items()},
         "snr": found.snr,
+        "traced": found.traced,
         "readings": None
         if found.readings is None
         else {str(k): v.values.tolist() for k, v in found.readings.variables.items()},

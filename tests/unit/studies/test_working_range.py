@@ -270,6 +270,9 @@ def test_words_data_and_page(formula) -> None:
     assert said["light"] == "at least 20 % of the light at 4.5 m" and len(said) == 2 + 2 * 4
     assert said["pose_turned_relative"] == "yaw and pitch to 5 deg, relative readings only"
     page = range_page(formula)
+    # Nothing was traced: nothing is called scattered light, and the formula stands once.
+    assert data["traced"] is False and "By the formula alone" in as_text(formula)
+    assert not [said for said in (as_text(formula), page) if "with scattered light" in said]
     assert "curved with a radius of 0.32 m" in page and page.count("<svg") == 2 * 2
 
 
