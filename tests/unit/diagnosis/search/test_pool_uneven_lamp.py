@@ -77,7 +77,7 @@ def test_which_effects_may_be_one_lamp() -> None:
     assert alike("beam_profile", "beam_offset", "lamp_size") == []
 
 
-@pytest.mark.parametrize("seed", [2, 7])
+@pytest.mark.parametrize("seed", [2, pytest.param(7, marks=pytest.mark.slow)])
 def test_what_a_lamp_with_an_edge_leaves_over_is_no_certain_background(seed: int) -> None:
     """A trapezoid over the angle, of which smooth curves leave a rest; an offset and a drift besides."""
     rng = np.random.default_rng(seed)
