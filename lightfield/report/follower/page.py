@@ -18,7 +18,7 @@ from lightfield.report.sections import Section, Table, study_page
 from lightfield.scene import Scene
 from lightfield.studies.follower.design import Arrays
 from lightfield.studies.follower.frames import in_degrees
-from lightfield.studies.follower.information import Bound, is_told
+from lightfield.studies.follower.information import Bound, doubt_in_words, is_told
 from lightfield.studies.follower.survey import Survey
 
 NOT_MODELLED = (
@@ -67,7 +67,7 @@ def bound_row(title: str, one: Bound) -> list[str]:
         doubt = one.doubt.get(name, 0.0)
         known = is_told(name, sigma)
         shown = f"{SHOWN[name][1] * sigma:.3g}" if known else "unknown"
-        cells.append(shown + (f" ± {100 * doubt:.0f} %" if doubt and known else ""))
+        cells.append(shown + (doubt_in_words(doubt) if known else ""))
     tied = one.correlation("x", "yaw") if "yaw" in one.names else np.nan
     return [title, *cells, f"{tied:+.2f}" if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
 
@@ -152,7 +152,7 @@ def arrays_page(found: Arrays) -> str:
         [
             one.name,
             str(len(one.elements)),
-            f"{one.criterion:.3g} ± {100 * one.doubt:.0f} %",
+            f"{one.criterion:.3g}{doubt_in_words(one.doubt)}",
             *(f"{SHOWN[n][1] * s:.3g}" for n, s in one.sigma.items()),
         ]
         for one in found.arrays

@@ -29,13 +29,12 @@ from lightfield.studies.follower.array_light import ArrayModel, Light, Space, li
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.information import TASK_UNITS, jackknife, nuisances_of
+from lightfield.studies.follower.information import TASK_UNITS, doubt_in_words, jackknife, nuisances_of
 from lightfield.studies.follower.survey import array_of
 
 Task = Literal["formation", "docking"]
 #: Distances of a task as parts of the formation space, sideways places, m, and yaws, degrees. Docking ends
-#: near the
-#: lamp, on its axis (chosen: the prototype's twelve poses; the last part of a way home).
+#: near the lamp, on its axis (chosen: the prototype's twelve poses; the last part of a way home).
 TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
     "formation": ((0.0, 0.5, 1.0), (0.0, 0.3), (0.0, 8.0)),
     "docking": ((0.0, 0.1, 0.25), (0.0, 0.1), (0.0, 4.0)),
@@ -163,7 +162,7 @@ class JudgedArray:
             f"{n} {1e3 * s:.3g} mm" if n in POSE[:3] else f"{n} {np.degrees(s):.3g} deg"
             for n, s in self.sigma.items()
         )
-        doubt = f"A {self.criterion:8.3g} +- {100 * self.doubt:.0f} %"
+        doubt = f"A {self.criterion:8.3g}{doubt_in_words(self.doubt, '+-')}"
         return f"{self.name:<32} {len(self.elements):>3} elements  {doubt}  rms {known}"
 
 

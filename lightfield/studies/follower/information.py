@@ -173,6 +173,11 @@ def bound(
     return bounds_together(model, np.asarray(pose)[None], names, noise, nuisances)[0]
 
 
+def doubt_in_words(doubt: float, sign: str = "±") -> str:
+    """A relative error of the trace as it stands behind a number; nothing where nothing was traced."""
+    return f" {sign} {max(100 * doubt, 0.1):.2g} %" if doubt else ""
+
+
 def with_doubt(
     model: ArrayModel,
     parts: Sequence[ArrayModel],

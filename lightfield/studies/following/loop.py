@@ -31,8 +31,7 @@ from lightfield.studies.following.vehicle import STEERED, VEHICLES, Vehicle
 #: Longest step of the vehicle, s (Fossen's simulators use the same).
 STEP_S = 0.02
 #: A follower that docks goes on where it takes itself to be this near the axis, m, and its heading, rad, this
-#: straight
-#: (half of what a dock takes, see `CONE`).
+#: straight (half of what a dock takes, see `CONE`).
 READY_M, READY_RAD = 0.05, np.radians(2.5)
 #: A dock takes a vehicle within 0.1 m of its axis, 5 degrees, 0.1 m/s (Eren 2015, thesis, University of New
 #: Hampshire).

@@ -17,8 +17,7 @@ from lightfield.studies.follower.bias import CLEAR, FITTED, RELATIVE, believed
 from lightfield.studies.follower.elements import Elements
 
 #: Room about the way, m: across, towards the lamp and away from it (chosen; a follower that believes a wrong
-#: light
-#: misses its distance by up to two and a half metres in the waters of `pose bias`).
+#: light misses its distance by up to two and a half metres in the waters of `pose bias`).
 ACROSS_M, NEARER_M, FARTHER_M = 0.6, 2.5, 3.5
 #: Of the distance of a dock, the part up to which the light is known.
 BEFORE_DOCK = 0.5

@@ -16,6 +16,7 @@ from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design import Mounting, compare_arrays, optimise_array
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.information import doubt_in_words
 from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.sequence import Poses
 from lightfield.studies.follower.survey import survey
@@ -71,3 +72,9 @@ def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
 )
 def test_a_bias_below_its_error_is_no_bias(bias: float, trace: float, says: str) -> None:
     assert _with_trace(bias, trace) == says
+
+
+@pytest.mark.parametrize(("doubt", "says"), [(0.0, ""), (0.0004, " ± 0.1 %"), (0.012, " ± 1.2 %")])
+def test_an_error_of_the_trace_is_never_printed_as_none(doubt: float, says: str) -> None:
+    """Where nothing was traced there is none to print."""
+    assert doubt_in_words(doubt) == says
