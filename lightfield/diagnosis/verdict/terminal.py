@@ -9,7 +9,7 @@ from lightfield.diagnosis.verdict.parts import FoundEffect
 from lightfield.diagnosis.verdict.speech import join, place, plain
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
-from lightfield.diagnosis.verdict.words.effects import effect_size, level
+from lightfield.diagnosis.verdict.words.effects import called, effect_size, level
 from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.parameter import is_gain
 
@@ -39,7 +39,8 @@ def as_text(verdict: Verdict) -> str:
     lines += _found(verdict.found)
     for explanation in verdict.explanations[:_SHOWN]:
         values = ", ".join(
-            f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
+            f"{called(path, explanation.parameters)} = {e.value:.4g} "
+            + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
             for path, e in explanation.parameters.items()
             if not is_gain(path) and not path.rpartition(".")[2].isdigit()  # of a curve
         )

@@ -19,7 +19,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
 from lightfield.diagnosis.verdict.verdict import Verdict
-from lightfield.diagnosis.verdict.words.effects import effect_size, instead, short_level
+from lightfield.diagnosis.verdict.words.effects import called, effect_size, instead, short_level
 from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
@@ -249,7 +249,8 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
             continue
         alone = estimate.stderr_of_set
         values.append(
-            f"{path} = {exactly(estimate)}" + (f" (± {alone:.2g} if nothing else acts)" if alone else "")
+            f"{called(path, each.parameters)} = {exactly(estimate)}"
+            + (f" (± {alone:.2g} if nothing else acts)" if alone else "")
         )
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")
