@@ -77,7 +77,7 @@ def prediction(model: ArrayModel, light: TracedField, pose: np.ndarray) -> tuple
 
     def peer() -> np.ndarray:
         place, normal = (v[0] for v in placed(model.elements, pose[None]))
-        at = light._histories.cells(place).T
+        at = light.histories.cells(place).T
         flux = [map_coordinates(one, at, order=3, prefilter=False, mode="nearest") for one in mean[:3]]
         diffuse = np.stack(flux, axis=1) * light._factor(place)
         return on_receivers(direct_flux(light.scene, place), normal) + on_receivers(diffuse, normal)

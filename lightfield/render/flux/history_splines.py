@@ -56,6 +56,26 @@ class HistorySplines:
         """Coefficients batch by batch, which take as many times as long: (4, n_batches, n_rows, n_cells)."""
         return self._coefficients(self.response.tally)
 
+    def layers(self, z: slice) -> TransportResponse:
+        """`whole` of some layers of cells across the beam: a view, made once for the same layers."""
+        known, key = self._layers, (z.start, z.stop)
+        if key not in known:
+            tally, straight = self.whole.tally[..., self._cells_of(z)], self.whole.straight_m[z]
+            known[key] = replace(self.whole, tally=tally, straight_m=straight)
+        return known[key]
+
+    def parts_of(self, z: slice) -> Array:
+        """`parts` of the same layers, a view."""
+        return self.parts[..., self._cells_of(z)]
+
+    def _cells_of(self, z: slice) -> slice:
+        _, n_y, n_x = self.whole.straight_m.shape
+        return slice(z.start * n_y * n_x, z.stop * n_y * n_x)
+
+    @cached_property
+    def _layers(self) -> dict[tuple[int, int], TransportResponse]:
+        return {}
+
     def leave_one_out(self) -> list[HistorySplines]:
         """Without one of the independent batches of the trace, each in turn."""
         batches, found = self.parts.swapaxes(0, 1), []

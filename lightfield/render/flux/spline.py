@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from lightfield.arrays import Array
 
 #: Coefficients beyond the first and the last place of an axis: as those at the edge.
-_BEFORE, _BEHIND = 1, 2
+BEFORE, BEHIND = 1, 2
 #: Weights of the four neighbours at t in [0, 1) behind the second of them: polynomials in t, highest first
 #: (de Boor 1978, A Practical Guide to Splines, chapter IX).
 _WEIGHTS = (
@@ -42,7 +42,7 @@ class Splines:
     @classmethod
     def of(cls, coefficients: Array) -> Splines:
         """From coefficients of shape (n_components, n_z, n_y, n_x)."""
-        padded = np.pad(coefficients, [(0, 0), *[(_BEFORE, _BEHIND)] * 3], mode="edge")
+        padded = np.pad(coefficients, [(0, 0), *[(BEFORE, BEHIND)] * 3], mode="edge")
         last = np.ascontiguousarray(np.moveaxis(padded, 0, -1), float)
         return cls(sliding_window_view(last, (4, 4, 4), axis=(0, 1, 2)))
 

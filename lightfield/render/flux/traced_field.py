@@ -25,7 +25,7 @@ from lightfield.formula.path import rays
 from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.backend import use_backend
 from lightfield.render.flux.history_splines import HistorySplines
-from lightfield.render.flux.spline import Splines
+from lightfield.render.flux.spline import BEFORE, BEHIND, Splines
 from lightfield.render.limits import check_photons
 from lightfield.render.maps import transport_key
 from lightfield.render.response import response_cache
@@ -170,14 +170,14 @@ class TracedField:
 
     def in_water_of(self, scene: Scene) -> TracedField:
         """The same trace in the water, walls and surface of another scene."""
-        return replace(self, scene=scene, known=self._histories)
+        return replace(self, scene=scene, known=self.histories)
 
     def leave_one_out(self) -> list[TracedField]:
         """The field without one of the independent batches of the trace, each in turn: for a jackknife."""
-        return [replace(self, known=some) for some in self._histories.leave_one_out()]
+        return [replace(self, known=some) for some in self.histories.leave_one_out()]
 
     @cached_property
-    def _histories(self) -> HistorySplines:
+    def histories(self) -> HistorySplines:
         return self.known or HistorySplines(self.scene, self.grid, self.response)
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]:
@@ -190,33 +190,35 @@ class TracedField:
             Places in the region, m, and outward unit normals of the receivers.
         """
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
-        cells, factor = self._histories.cells(place), self._factor(place)
-        direct = on_receivers(direct_flux(self.scene, place), normal)
-        diffuse = on_receivers(self._quick.at(cells) * factor, normal)
+        cells, factor = self.histories.cells(place), self._factor(place)
+        direct, known = on_receivers(direct_flux(self.scene, place), normal), self._known_at(cells)
+        diffuse = on_receivers(known.mean.at(known.own(cells)) * factor, normal)
         spread = self._diffuse_batches(cells, factor, normal)
         photons = np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
         if not self._is_doubtful:
             return direct + diffuse, photons
-        doubt = on_receivers(self._doubt.at(cells) * factor, normal)
+        doubt = on_receivers(known.doubt.at(known.own(cells)) * factor, normal)
         return direct + diffuse, np.hypot(photons, doubt)
 
     def batches(self, place_m: Array, normal: Array) -> Array:
         """`reading` of every independent part of the trace, shape (n_batches, n)."""
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
         direct = on_receivers(direct_flux(self.scene, place), normal)
-        return direct + self._diffuse_batches(self._histories.cells(place), self._factor(place), normal)
+        return direct + self._diffuse_batches(self.histories.cells(place), self._factor(place), normal)
 
     def _diffuse_batches(self, cells: Array, factor: Array, normal: Array) -> Array:
         """What `batches` adds to the direct light."""
-        flux = self._quick_batches.at(cells).reshape(len(cells), 3, -1) * factor[:, :, None]
+        known = self._known_at(cells)
+        flux = known.batches.at(known.own(cells)).reshape(len(cells), 3, -1) * factor[:, :, None]
         return on_receivers(np.moveaxis(flux, -1, 0), normal)
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""
         place = np.asarray(place_m, float)
         direct = on_receivers(direct_flux(self.scene, place), normal)
-        diffuse = self._quick.at(self._histories.cells(place)) * self._factor(place)
-        return direct + on_receivers(diffuse, normal)
+        cells = self.histories.cells(place)
+        known = self._known_at(cells)
+        return direct + on_receivers(known.mean.at(known.own(cells)) * self._factor(place), normal)
 
     def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
         """Flux vectors of direct and of diffuse light, and their slopes by the place.
@@ -231,12 +233,14 @@ class TracedField:
             Shapes (n, 3), 1/m^2, and (n, 3, 3), 1/m^3: component, then direction.
         """
         place = np.asarray(place_m, float)
-        both = self._quick.with_slopes(self._histories.cells(place))  # [n, value and by z y x, component]
-        signs = self._histories.signs(place)
+        cells = self.histories.cells(place)
+        known = self._known_at(cells)
+        both = known.mean.with_slopes(known.own(cells))  # [n, value and by z y x, component]
+        signs = self.histories.signs(place)
         around = by_place(lambda at: self._along(at)[:, None], place)[:, 0]
         along = self._along(place)[:, None]
         flux = both[:, 0] * signs
-        slopes = np.swapaxes(both[:, :0:-1], 1, 2) / self._histories.step_m  # by x, y and z
+        slopes = np.swapaxes(both[:, :0:-1], 1, 2) / self.histories.step_m  # by x, y and z
         slopes = slopes * signs[:, :, None] * signs[:, None, :]
         slopes = slopes * along[:, :, None] + flux[:, :, None] * around[:, None, :]
         return [flux_and_slopes(self.scene, place), (flux * along, slopes)]
@@ -244,13 +248,13 @@ class TracedField:
     def diffuse_flux(self, place_m: Array) -> Array:
         """Flux vector of scattered and reflected light, and what of it flies back, 1/m^2, shape (n, 4)."""
         place = np.asarray(place_m, float)
-        at = self._histories.cells(place).T
+        at = self.histories.cells(place).T
         found = [map_coordinates(one, at, order=3, prefilter=False, mode="nearest") for one in self._mean]
         return np.stack(found, axis=1) * np.column_stack([self._factor(place), self._along(place)])
 
     def _factor(self, place: Array) -> Array:
         """What the splines of the flux vector leave out, shape (n, 3)."""
-        return self._along(place)[:, None] * self._histories.signs(place)
+        return self._along(place)[:, None] * self.histories.signs(place)
 
     def _along(self, place: Array) -> Array:
         """Of it, what is alike for all: another water on the straight way, and 1 / z^2."""
@@ -276,30 +280,82 @@ class TracedField:
         """Whether rows that hold every number of scatterings from some on are asked for other water."""
         return bool(self.response.varying(self._water[1]).any())
 
-    def _weighed(self, coefficients: Array, *, uncertain: bool = False) -> Array:
+    def _known_at(self, cells: Array) -> _Layers:
+        """Splines in this water about places, in cells: of their own layers where nothing else was asked yet.
+
+        A single reading in a new water needs a few layers; who asks elsewhere too, gets all.
+        """
+        mine: dict[str, _Layers] = self.__dict__  # beside the cached properties
+        if "_all" in mine:
+            return self._all
+        n_z = self.histories.whole.straight_m.shape[0]
+        ends = np.clip([cells[:, 0].min(), cells[:, 0].max()], 0, n_z - 1)
+        lowest, highest = np.floor(ends).astype(int).tolist()
+        z = slice(max(lowest - BEFORE, 0), min(highest + BEHIND + 1, n_z))
+        some = mine.get("_some")
+        if some is None and z.stop - z.start < n_z:
+            some = mine["_some"] = _Layers(self, z)
+        if some is not None and some.z.start <= z.start and z.stop <= some.z.stop:
+            return some
+        return self._all
+
+    @cached_property
+    def _all(self) -> _Layers:
+        return _Layers(self, slice(0, self.histories.whole.straight_m.shape[0]))
+
+    @cached_property
+    def _mean(self) -> Array:
+        """All coefficients of all components, shape (4, n_z, n_y, n_x)."""
+        return self._all.weighed(self.histories.whole.tally)
+
+    def coefficients(self) -> tuple[Array, Array, Array, Array]:
+        """a, b, wall albedo and surface of this water, 1/m and 1, shape (1,) each."""
+        rho, surface = (np.array([v]) for v in self.scene.reflectances)
+        return *self._water, rho, surface
+
+
+@dataclass(frozen=True)
+class _Layers:
+    """Splines of some layers of a field, in its water, each made when it is first asked for.
+
+    Parameters
+    ----------
+    field : TracedField
+    z : slice
+        Its layers of cells.
+    """
+
+    field: TracedField
+    z: slice
+
+    def own(self, cells: Array) -> Array:
+        """Places in these layers' own cells."""
+        return cells - [self.z.start, 0, 0] if self.z.start else cells
+
+    def weighed(self, coefficients: Array, *, uncertain: bool = False) -> Array:
         """Splines in this water, (n, n_z, n_y, n_x), of those of every history, shape (n, n_rows, n_cells).
 
         Coefficients are weighed as if they were values of the light: factors of open-ended rows, which change
         from cell to cell, are smooth.
         """
-        (a, b), (rho, surface) = self._water, (np.array([v]) for v in self.scene.reflectances)
-        weigh = self._histories.whole.uncertain if uncertain else self._histories.whole.weighed
-        found = weigh(coefficients, a, b, rho, surface, slice(None))
-        return np.asarray(found.reshape(-1, *self._histories.whole.straight_m.shape))
+        response = self._response
+        weigh = response.uncertain if uncertain else response.weighed
+        found = weigh(coefficients, *self.field.coefficients(), slice(None))
+        return np.asarray(found.reshape(-1, *response.straight_m.shape))
+
+    @property
+    def _response(self) -> TransportResponse:
+        return self.field.histories.layers(self.z)
 
     @cached_property
-    def _mean(self) -> Array:
-        return self._weighed(self._histories.whole.tally)
+    def mean(self) -> Splines:
+        return Splines.of(self.weighed(self._response.tally[:3]))
 
     @cached_property
-    def _quick(self) -> Splines:
-        return Splines.of(self._weighed(self._histories.whole.tally[:3]))
+    def doubt(self) -> Splines:
+        return Splines.of(self.weighed(self._response.tally[:3], uncertain=True))
 
     @cached_property
-    def _doubt(self) -> Splines:
-        return Splines.of(self._weighed(self._histories.whole.tally[:3], uncertain=True))
-
-    @cached_property
-    def _quick_batches(self) -> Splines:
-        flux = self._histories.parts[:3]
-        return Splines.of(self._weighed(flux.reshape(-1, *flux.shape[2:])))
+    def batches(self) -> Splines:
+        flux = self.field.histories.parts_of(self.z)[:3]
+        return Splines.of(self.weighed(flux.reshape(-1, *flux.shape[2:])))

@@ -101,7 +101,26 @@ def test_waters_share_what_was_made(place: Array) -> None:
     brighter, _ = some.irradiance(place, normal)
     darker, _ = other.irradiance(place, normal)
     assert (brighter > 1.05 * darker).all()
-    assert some._histories.parts is other._histories.parts is first._histories.parts
+    assert some.histories.parts is other.histories.parts is first.histories.parts
+
+
+@pytest.mark.parametrize("z_m", [2.0, 2.05, 3.0, 3.95, 4.0])
+@pytest.mark.parametrize("b", [0.2, 0.3])
+def test_a_few_layers_tell_what_all_tell(place: Array, z_m: float, b: float) -> None:
+    """The first places asked in a new water are read from their own layers: values, errors and slopes."""
+    near = np.column_stack([place[:, :2], z_m + 0.02 * (place[:, 2] - 3)])
+    normal = np.tile([0.1, -0.2, -0.97], (len(near), 1))
+    first = field(scene())
+    few, whole = (first.in_water_of(scene(scattering_per_m=b)) for _ in range(2))
+    whole.reading(place, normal)  # all over the region: all layers
+    assert "_all" in whole.__dict__
+    for mine, theirs in zip(few.irradiance(near, normal), whole.irradiance(near, normal), strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-6)
+    for mine, theirs in zip(few.fluxes(near)[1], whole.fluxes(near)[1], strict=True):
+        np.testing.assert_allclose(mine, theirs, rtol=1e-5, atol=1e-9)
+    assert "_all" not in few.__dict__ and few.__dict__["_some"].mean.windows.shape[0] <= 6
+    elsewhere = few.reading(place, normal)
+    np.testing.assert_array_equal(elsewhere, whole.reading(place, normal))
 
 
 def test_without_one_batch(place: Array) -> None:

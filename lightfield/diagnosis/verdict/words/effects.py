@@ -6,13 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
 from lightfield.diagnosis.verdict.speech import capital, exactly, join, plain, roughly
-from lightfield.fitting.curves import field_of, is_amplitude
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of.
 _SPOKEN = 50.0
 #: Every water has some.
 _SCATTERING = "scattering"
-_WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure"
+_WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
 #: What may replace an effect, of which so many are told.
 _TOLD = 3
 
@@ -119,5 +118,5 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
 
 def called(path: str, parameters: Iterable[str]) -> str:
     """A parameter's path; of a beam that a curve changes the width is not that of the light."""
-    curved = any(is_amplitude(p) and field_of(p) == _PROFILE for p in parameters)
+    curved = any(p.startswith(_PROFILE) for p in parameters)
     return f"{path} (of the Gaussian that the curve changes)" if curved and path == _WIDTH else path
