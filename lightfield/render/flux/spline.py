@@ -42,9 +42,13 @@ class Splines:
     @classmethod
     def of(cls, coefficients: Array) -> Splines:
         """From coefficients of shape (n_components, n_z, n_y, n_x)."""
-        padded = np.pad(coefficients, [(0, 0), *[(BEFORE, BEHIND)] * 3], mode="edge")
-        last = np.ascontiguousarray(np.moveaxis(padded, 0, -1), float)
-        return cls(sliding_window_view(last, (4, 4, 4), axis=(0, 1, 2)))
+        inner = np.moveaxis(coefficients, 0, -1)
+        padded = np.empty([n + BEFORE + BEHIND for n in inner.shape[:3]] + [inner.shape[3]])
+        padded[(slice(BEFORE, -BEHIND),) * 3] = inner
+        for axis in range(3):  # as `numpy.pad` of mode "edge", in a tenth of the time
+            along = np.moveaxis(padded, axis, 0)
+            along[:BEFORE], along[-BEHIND:] = along[BEFORE], along[-BEHIND - 1]
+        return cls(sliding_window_view(padded, (4, 4, 4), axis=(0, 1, 2)))
 
     def at(self, cells: Array) -> Array:
         """Values, shape (n, n_components), at places of shape (n, 3) in cells along (z, y, x)."""

@@ -288,20 +288,24 @@ class TracedField:
         mine: dict[str, _Layers] = self.__dict__  # beside the cached properties
         if "_all" in mine:
             return self._all
-        n_z = self.histories.whole.straight_m.shape[0]
-        ends = np.clip([cells[:, 0].min(), cells[:, 0].max()], 0, n_z - 1)
-        lowest, highest = np.floor(ends).astype(int).tolist()
-        z = slice(max(lowest - BEFORE, 0), min(highest + BEHIND + 1, n_z))
-        some = mine.get("_some")
-        if some is None and z.stop - z.start < n_z:
-            some = mine["_some"] = _Layers(self, z)
-        if some is not None and some.z.start <= z.start and z.stop <= some.z.stop:
-            return some
-        return self._all
+        first, last = float(cells[:, 0].min()), float(cells[:, 0].max())
+        if "_some" not in mine:
+            nearest, farthest = min(int(first), self.layers - 1), max(int(last), 0)
+            z = slice(max(nearest - BEFORE, 0), min(farthest + BEHIND + 1, self.layers))
+            if z.stop - z.start == self.layers:
+                return self._all
+            mine["_some"] = _Layers(self, z)
+        some = mine["_some"]
+        return some if some.hold(first, last) else self._all
+
+    @property
+    def layers(self) -> int:
+        """Cells along the beam."""
+        return len(self.grid.z_m)
 
     @cached_property
     def _all(self) -> _Layers:
-        return _Layers(self, slice(0, self.histories.whole.straight_m.shape[0]))
+        return _Layers(self, slice(0, self.layers))
 
     @cached_property
     def _mean(self) -> Array:
@@ -327,6 +331,11 @@ class _Layers:
 
     field: TracedField
     z: slice
+
+    def hold(self, first: float, last: float) -> bool:
+        """Are all coefficients here that places between two layers ask for?"""
+        beneath, above = self.z.start, self.field.layers - self.z.stop
+        return (first >= beneath + BEFORE or not beneath) and (last < self.z.stop - BEHIND or not above)
 
     def own(self, cells: Array) -> Array:
         """Places in these layers' own cells."""

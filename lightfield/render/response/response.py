@@ -246,7 +246,7 @@ class TransportResponse:
         top = (surface / (ref.surface_reflectance or 1.0))[:, None] ** k
         factor = walls * top * np.exp((ref.absorption_per_m - a)[:, None] * excess)
         more = np.exp((b - ref.scattering_per_m)[:, None] * self._straight_of_tally)
-        out = np.empty((len(tallies), len(b), tallies.shape[2]))
+        out = np.empty((len(tallies), len(b), tallies.shape[2]), tallies.dtype)
         step = max(_AT_ONCE // max(len(rows) * tallies.shape[2], 1), 1)
         for first in range(0, len(b), step):
             some = slice(first, first + step)

@@ -104,10 +104,11 @@ def test_waters_share_what_was_made(place: Array) -> None:
     assert some.histories.parts is other.histories.parts is first.histories.parts
 
 
-@pytest.mark.parametrize("z_m", [2.0, 2.05, 3.0, 3.95, 4.0])
+@pytest.mark.parametrize("z_m", [1.5, 2.0, 2.05, 3.0, 3.95, 4.0, 5.0])  # the first and last beyond all
 @pytest.mark.parametrize("b", [0.2, 0.3])
 def test_a_few_layers_tell_what_all_tell(place: Array, z_m: float, b: float) -> None:
-    """The first places asked in a new water are read from their own layers: values, errors and slopes."""
+    """The first places asked in a new water are read from their own layers: values, errors and slopes, but for
+    the nodes between which chances of paths are interpolated, 1 %."""
     near = np.column_stack([place[:, :2], z_m + 0.02 * (place[:, 2] - 3)])
     normal = np.tile([0.1, -0.2, -0.97], (len(near), 1))
     first = field(scene())
@@ -115,9 +116,9 @@ def test_a_few_layers_tell_what_all_tell(place: Array, z_m: float, b: float) -> 
     whole.reading(place, normal)  # all over the region: all layers
     assert "_all" in whole.__dict__
     for mine, theirs in zip(few.irradiance(near, normal), whole.irradiance(near, normal), strict=True):
-        np.testing.assert_allclose(mine, theirs, rtol=1e-6)
+        np.testing.assert_allclose(mine, theirs, rtol=2e-5)
     for mine, theirs in zip(few.fluxes(near)[1], whole.fluxes(near)[1], strict=True):
-        np.testing.assert_allclose(mine, theirs, rtol=1e-5, atol=1e-9)
+        np.testing.assert_allclose(mine, theirs, rtol=2e-5, atol=1e-6)
     assert "_all" not in few.__dict__ and few.__dict__["_some"].mean.windows.shape[0] <= 6
     elsewhere = few.reading(place, normal)
     np.testing.assert_array_equal(elsewhere, whole.reading(place, normal))
