@@ -17,6 +17,8 @@ from lightfield.studies.attenuation.ratios import Ratios
 
 #: What the paper states attenuation over.
 METRE = 1.0
+#: From so many errors below zero on a coefficient is no chance.
+SIGMAS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +48,11 @@ class Apparent:
     def shared_stderr(self) -> Array:
         """The part of the error that all colours share, shape (n_colours,), 1/m."""
         return np.asarray(np.sqrt((self.estimate.modes[:, 1] ** 2).sum(axis=1)))
+
+    @property
+    def grows_at(self) -> int:
+        """Colours at which light grows with distance, beyond errors: no water does that."""
+        return int((self.K_per_m < -SIGMAS * self.K_stderr).sum())
 
     def mean(self) -> tuple[float, float]:
         """Mean over all colours and its standard error, by the full covariance, 1/m."""

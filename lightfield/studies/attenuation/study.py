@@ -10,7 +10,7 @@ from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-from lightfield.studies.attenuation.apparent import Apparent, apparent_attenuation
+from lightfield.studies.attenuation.apparent import SIGMAS, Apparent, apparent_attenuation
 from lightfield.studies.attenuation.constituents import (
     FEWEST_COLOURS,
     Constituents,
@@ -28,9 +28,6 @@ from lightfield.studies.attenuation.scattered import (
     scattered_light,
     traced_stack,
 )
-
-#: From so many errors below zero on a coefficient is no chance.
-SIGMAS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +135,7 @@ def attenuation(
 
 def _growing(found: Apparent) -> list[Remark]:
     """Where K is below zero beyond its errors."""
-    count = int((found.K_per_m < -SIGMAS * found.K_stderr).sum())
+    count = found.grows_at
     return [Remark(Studied.GROWS, count=count, among=len(found.K_per_m), limit=SIGMAS)] if count else []
 
 

@@ -54,6 +54,11 @@ def note_sentences(found: Attenuation) -> list[str]:
 
 def headline(one: Apparent) -> str:
     """One sentence: how much the water takes where it takes least."""
+    if grows := one.grows_at:
+        return (
+            f"Light in water grows with distance at {grows} of {len(one.K_per_m)} wavelengths, which no "
+            "water does: are water and air exchanged in the column medium?"
+        )
     k = int(np.argmin(one.K_per_m))
     percent, error = (float(v[k]) for v in one.percent())
     least = f", the least of {len(one.K_per_m)} wavelengths" if len(one.K_per_m) > 1 else ""

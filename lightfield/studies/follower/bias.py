@@ -241,7 +241,9 @@ class BiasStudy:
                 lines.append(f"  {name:<33} " + " / ".join(f"{cell:>13}" for cell in cells))
         known = self.axis.sel(calibration=CALIBRATIONS[0])
         doubt = 1e3 * float(known.trace_z.where(known.sigma_z < NOTHING_M).fillna(0.0).max())
-        lines.append(f"errors of the trace: up to {doubt:.0f} mm where the gain is known")
+        lines.append(
+            f"errors of the trace: up to {doubt:.0f} mm with exact c; those of a K fitted to it are not counted"
+        )
         for name in self.plane.calibration.values:
             told = told_bias(self.plane.sel(calibration=name), "x")
             worst = f"wrong by up to {1e3 * float(np.abs(told).max()):.0f} mm"

@@ -84,6 +84,14 @@ class Followed:
         return int(np.argsort(known, kind="stable")[(len(known) - 1) // 2])
 
     @property
+    def believed(self) -> str:
+        """What it believes, in words."""
+        believes = self.mission.believes
+        return (
+            "the formula, as is true here" if believes == "field" and not self.traced else BELIEFS[believes]
+        )
+
+    @property
     def through_walls(self) -> int:
         """Runs in which the middle of the array leaves the tank."""
         places = self.track.pose[..., :3] + self.track.leader_m[:, None]
@@ -93,7 +101,7 @@ class Followed:
     def verdict(self) -> str:
         """One sentence."""
         found, mission = self.spreads, self.mission
-        believes = f"{self.name}: a follower that believes {BELIEFS[mission.believes]}"
+        believes = f"{self.name}: a follower that believes {self.believed}"
         count = len(self.track.contact)
         if mission.task == "dock":
             docked = int(self.runs["docked"].sum())
@@ -153,7 +161,7 @@ class Followed:
         lines = [
             f"{self.name}: {len(self.track.contact)} runs of {mission.duration_s:g} s, {mission.task}, "
             f"{mission.law}, {mission.vehicle} with {mission.degrees_of_freedom} degrees of freedom; "
-            f"believes {BELIEFS[mission.believes]}",
+            f"believes {self.believed}",
         ]
         for name, one in self.spreads.items():
             unit, meaning = METRICS[name]

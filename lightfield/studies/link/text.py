@@ -104,8 +104,9 @@ def as_text(found: Link) -> str:
         *lines, bandwidth_sentence(found), ASKED,
         f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {receiver.area_mm2:g} mm² diode of "
         f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
-        f"background {receiver.background_a:g} A, on-off keying at {receiver.bit_rate_per_s:g} bit/s, error "
-        f"rate {receiver.ber:g}.",
+        f"background {receiver.background_a:g} A, error rate {receiver.ber:g}, on-off keying at "
+        f"{receiver.bit_rate_per_s:g} bit/s: a one has twice that power, a zero none, so that the mean is the "
+        "lamp's.",
         f"Others report, with lamps and receivers of their own: {reported}.",
     ])  # fmt: skip
 

@@ -19,7 +19,7 @@ from lightfield.studies.attenuation.common_errors import Design, stays
 from lightfield.studies.attenuation.ratios import ratios_of
 from lightfield.studies.attenuation.remark import Studied
 from lightfield.studies.attenuation.study import attenuation
-from lightfield.studies.attenuation.text import as_data, as_text
+from lightfield.studies.attenuation.text import as_data, as_text, headline
 
 DISTANCES = np.array([4.5, 5.5, 6.5, 7.5, 8.5])
 COLOURS = np.array([450.0, 500.0, 600.0])  # too few to look for constituents
@@ -171,6 +171,9 @@ def test_water_and_air_exchanged_are_suspected() -> None:
     grows = [note for note in attenuation(swapped, scene()).notes if note.studied is Studied.GROWS]
     assert [(note.count, note.among) for note in grows] == [(3, 3)]
     assert "exchanged" in str(grows[0])
+    assert headline(attenuation(swapped, scene()).apparent[0]).startswith(
+        "Light in water grows with distance"
+    )
     assert not [note for note in attenuation(whole, scene()).notes if note.studied is Studied.GROWS]
 
 
