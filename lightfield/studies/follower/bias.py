@@ -242,7 +242,7 @@ class BiasStudy:
         known = self.axis.sel(calibration=CALIBRATIONS[0])
         doubt = 1e3 * float(known.trace_z.where(known.sigma_z < NOTHING_M).fillna(0.0).max())
         lines.append(
-            f"errors of the trace: up to {doubt:.0f} mm with exact c; those of a K fitted to it are not counted"
+            f"errors of the trace: up to {doubt:.0f} mm with exact c; those of a fitted K are not counted"
         )
         for name in self.plane.calibration.values:
             told = told_bias(self.plane.sel(calibration=name), "x")

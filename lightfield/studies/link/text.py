@@ -105,8 +105,8 @@ def as_text(found: Link) -> str:
         f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {receiver.area_mm2:g} mm² diode of "
         f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
         f"background {receiver.background_a:g} A, error rate {receiver.ber:g}, on-off keying at "
-        f"{receiver.bit_rate_per_s:g} bit/s: a one has twice that power, a zero none, so that the mean is the "
-        "lamp's.",
+        f"{receiver.bit_rate_per_s:g} bit/s: a one has twice that power, a zero none, so that the mean is "
+        "the lamp's.",
         f"Others report, with lamps and receivers of their own: {reported}.",
     ])  # fmt: skip
 

@@ -107,8 +107,8 @@ def test_waters_share_what_was_made(place: Array) -> None:
 @pytest.mark.parametrize("z_m", [1.5, 2.0, 2.05, 3.0, 3.95, 4.0, 5.0])  # the first and last beyond all
 @pytest.mark.parametrize("b", [0.2, 0.3])
 def test_a_few_layers_tell_what_all_tell(place: Array, z_m: float, b: float) -> None:
-    """The first places asked in a new water are read from their own layers: values, errors and slopes, but for
-    the nodes between which chances of paths are interpolated, 1 %."""
+    """The first places asked in a new water are read from their own layers: values, errors and slopes, but
+    for the nodes between which chances of paths are interpolated, 1 %."""
     near = np.column_stack([place[:, :2], z_m + 0.02 * (place[:, 2] - 3)])
     normal = np.tile([0.1, -0.2, -0.97], (len(near), 1))
     first = field(scene())
