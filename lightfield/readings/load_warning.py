@@ -44,6 +44,7 @@ class Remarks(str, Enum):
     NO_EXPOSURE = "no_exposure"
     ODD_FILE = "odd_file"
     SINGLE_SPECTRA = "single_spectra"
+    ALIKE_IN_BANDS = "alike_in_bands"
 
 
 @dataclass(frozen=True)
@@ -176,6 +177,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.NO_EXPOSURE: "some files do not say their exposure",
     Remarks.ODD_FILE: "{note}: {files}",
     Remarks.SINGLE_SPECTRA: _single,
+    Remarks.ALIKE_IN_BANDS: "{part:.0f} % of the variance of repeats is common to all bands, {percent:.2g} % "
+    "of a reading: their errors are not independent, and every analysis takes them for that",
 }
 _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "shorten the exposure there",
@@ -206,4 +209,5 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.NO_EXPOSURE: "give integration_time_s",
     Remarks.ODD_FILE: "look at the file",
     Remarks.SINGLE_SPECTRA: "take three spectra or more at each place",
+    Remarks.ALIKE_IN_BANDS: "say plane_gain_percent = {percent:.2g} or more, or import one broad band",
 }

@@ -16,7 +16,7 @@ from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.importing.replicates import BandValue, joined_rows
+from lightfield.readings.importing.replicates import BandValue, alike_in_bands, joined_rows, stays_of
 from lightfield.readings.importing.request import Bands, check_meanings, has_places, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
@@ -103,7 +103,11 @@ def import_index(
             points |= {(k, b): one for b, one in enumerate(found)}
     problems.raise_any(unusable)
     notes += provenance.doubts_of_files(sequence, darks, unit, flat)
-    rows = joined_rows(sequence, points, len(bands_nm))
+    stays = stays_of(sequence)
+    rows = joined_rows(stays, points, len(bands_nm))
+    stated = (budget or ErrorBudget()).plane_gain_percent or 0.0
+    alike = alike_in_bands(stays, points, len(bands_nm), stated)
+    notes += [alike] if alike else []
     single = provenance.single_spectra([row["n_spectra"] for row in rows], [row["stderr"] for row in rows])
     notes += [single] if single else []
     metadata = provenance.metadata_of(sequence, darks, unit, bands_nm, saturation_level, notes)

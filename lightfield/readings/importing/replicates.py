@@ -11,6 +11,10 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings.importing import provenance
 from lightfield.readings.importing.reduction import Shot
+from lightfield.readings.load_warning import LoadWarning, Remarks
+
+#: So many degrees of freedom tell what bands have in common, and so many errors of it are no chance.
+FEWEST, SIGMAS = 8, 3.0
 
 
 @dataclass(frozen=True)
@@ -29,21 +33,32 @@ def _place(shot: Shot) -> tuple[object, ...]:
     return (entry.role, entry.medium, entry.x_m + 0.0, entry.y_m + 0.0, entry.z_m)
 
 
-def joined_rows(
-    sequence: Sequence[Shot], points: dict[tuple[int, int], BandValue], n_bands: int
-) -> list[dict[str, Any]]:
-    """One row for each stay at a place, exposure and band; coming back later is another reading.
+@dataclass(frozen=True)
+class Stay:
+    """Spectra taken in a row at one place with one exposure.
 
-    Errors of the means are told by the scatter of the repeats, here and at all other places of the band
-    (`pooled_variance`).
+    Parameters
+    ----------
+    members : tuple of int
+        Which of the sequence.
+    repeat, visit : int
+        How often the place was read before; number of the visit to its plane.
     """
+
+    members: tuple[int, ...]
+    repeat: int
+    visit: int
+
+
+def stays_of(sequence: Sequence[Shot]) -> list[Stay]:
+    """The stays of a sequence; coming back later is another one."""
     stays: list[list[int]] = []
     for k, shot in enumerate(sequence):
         if stays and _place(shot) == _place(sequence[stays[-1][0]]):
             stays[-1].append(k)
         else:
             stays.append([k])
-    stood: list[tuple[list[int], dict[str, int]]] = []
+    stood: list[Stay] = []
     repeats: dict[tuple[object, ...], int] = {}
     visit, plane = -1, None
     for stay in stays:
@@ -55,13 +70,62 @@ def joined_rows(
             place = _place(sequence[members[0]])[1:]
             repeat = repeats.get(place, 0)
             repeats[place] = repeat + 1
-            stood.append((members, {"repeat": repeat, "visit": visit}))
-    errors = [_errors([[points[k, b] for k in members] for members, _ in stood]) for b in range(n_bands)]
+            stood.append(Stay(tuple(members), repeat, visit))
+    return stood
+
+
+def joined_rows(
+    stays: Sequence[Stay], points: dict[tuple[int, int], BandValue], n_bands: int
+) -> list[dict[str, Any]]:
+    """One row for each stay and band.
+
+    Errors of the means are told by the scatter of the repeats, here and at all other places of the band
+    (`pooled_variance`).
+    """
+    errors = [_errors([[points[k, b] for k in stay.members] for stay in stays]) for b in range(n_bands)]
     return [
-        {**_row([points[k, b] for k in members], errors[b][n]), "band": b, **counted}
-        for n, (members, counted) in enumerate(stood)
+        {
+            **_row([points[k, b] for k in stay.members], errors[b][n]),
+            "band": b, "repeat": stay.repeat, "visit": stay.visit,
+        }
+        for n, stay in enumerate(stays)
         for b in range(n_bands)
-    ]
+    ]  # fmt: skip
+
+
+def alike_in_bands(
+    stays: Sequence[Stay], points: dict[tuple[int, int], BandValue], n_bands: int, known_percent: float
+) -> LoadWarning | None:
+    """Says that repeats scatter alike in all bands, more than is said of a stay.
+
+    A lamp that flickers does so to a whole spectrum; the table has an error for every band by itself.
+
+    Parameters
+    ----------
+    known_percent : float, %
+        What the error budget says of a stay, common to its bands.
+    """
+    scatter, freedom, count = np.zeros((n_bands, n_bands)), 0, 0
+    every = [np.array([[points[k, b].value for b in range(n_bands)] for k in stay.members]) for stay in stays]
+    several = [values for values in every if len(values) > 1 and np.isfinite(values).all()]
+    if n_bands < 2 or not several:
+        return None
+    middle = np.median([values.mean() for values in several])
+    for values in several:  # the brighter half of them: the rest has other noise, too
+        mean = values.mean(axis=0)
+        if values.mean() >= middle and (mean > 0).all():
+            off = values / mean - 1
+            scatter, freedom, count = scatter + off.T @ off, freedom + len(values) - 1, count + 1
+    if freedom < FEWEST:
+        return None
+    alone = float(np.trace(scatter)) / n_bands / freedom
+    pairs = n_bands * (n_bands - 1)
+    common = float(scatter.sum() - np.trace(scatter)) / pairs / freedom
+    per_stay = freedom / count + 1
+    percent = 100 * float(np.sqrt(max(common, 0.0) / per_stay))
+    if common < SIGMAS * alone / np.sqrt(freedom) or percent <= known_percent:
+        return None
+    return LoadWarning(Remarks.ALIKE_IN_BANDS, {"percent": percent, "part": 100 * common / alone})
 
 
 def _errors(stays: Sequence[Sequence[BandValue]]) -> Array:
