@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
-from lightfield.diagnosis.verdict.parts import FoundEffect
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect
 from lightfield.diagnosis.verdict.speech import join, place, plain
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
@@ -37,13 +37,10 @@ def as_text(verdict: Verdict) -> str:
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
     lines += _found(verdict.found)
+    if verdict.verdict == "none" and verdict.ladder:
+        lines.append(f"fitted: {_values(verdict.ladder[-1].parameters)}")
     for explanation in verdict.explanations[:_SHOWN]:
-        values = ", ".join(
-            f"{called(path, explanation.parameters)} = {e.value:.4g} "
-            + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
-            for path, e in explanation.parameters.items()
-            if not is_gain(path) and not path.rpartition(".")[2].isdigit()  # of a curve
-        )
+        values = _values(explanation.parameters)
         lines.append(f"{join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
     if verdict.next_measurement:
         lines.append(f"next: {verdict.next_measurement.sentence}")
@@ -69,6 +66,16 @@ def as_text(verdict: Verdict) -> str:
     lines += [f"assumed: {a}" for a in verdict.assumed]
     lines += [f"warning: {w}" for w in verdict.warnings if w not in verdict.check_first]
     return "\n".join(lines)
+
+
+def _values(parameters: Mapping[str, Estimate]) -> str:
+    """Values with their errors; without gains, and amplitudes of a curve."""
+    return ", ".join(
+        f"{called(path, parameters)} = {e.value:.4g} "
+        + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
+        for path, e in parameters.items()
+        if not is_gain(path) and not path.rpartition(".")[2].isdigit()
+    )
 
 
 def _short(number: float | None) -> str:

@@ -11,6 +11,7 @@ from analytic_readings import readings
 from benchmarks.garbage.judge import page
 from benchmarks.garbage.tables import ERRORS, KINDS, Table, believed, tables
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -73,7 +74,11 @@ def test_noise_decides_whether_anything_can_be_said(stated: bool) -> None:
 def test_none_says_what_would_have_been_seen_at_which_noise() -> None:
     """And names another effect where scattering and background are not asked for."""
     table, scene = readings(seed=1, noise=0.01)
-    sentence = verdict_on(table, scene).sentence
+    verdict = verdict_on(table, scene)
+    sentence, fitted = verdict.sentence, verdict.ladder[-1].parameters["water.absorption_per_m"]
+    (told,) = [line for line in as_text(verdict).splitlines() if line.startswith("fitted: ")]
+    assert f"water.absorption_per_m = {fitted.value:.4g} +- {fitted.stderr:.2g}" in told
+    assert "gain" not in told
     assert "At a noise of 1.1 % of a bright reading (as stated), background above" in sentence
     tilt = verdict_on(unstated(table), scene, only=["beam_tilt"]).sentence
     assert "(estimated from the scatter), beam tilt above" in tilt
