@@ -35,7 +35,9 @@ def load_warnings(readings: Unchecked) -> tuple[LoadWarning, ...]:
         found.append(LoadWarning(Remarks.X_ONE_SIDE))
     found += _of_time(readings, water)
     exposure = readings.integration_time_s[np.isfinite(readings.integration_time_s)]
-    if exposure.size == 0 or np.ptp(exposure) <= 1e-6 * exposure.max():
+    # A dark signal that was subtracted is told from ambient light already.
+    dark_known = all(str(name).strip() for name in readings.extra.get("dark", [""]))
+    if not dark_known and (exposure.size == 0 or np.ptp(exposure) <= 1e-6 * exposure.max()):
         one = float(exposure[0]) if exposure.size else None
         found.append(LoadWarning(Remarks.CONSTANT_INTEGRATION_TIME, {"exposure_s": one}))
     places = [_place(getattr(readings, name)).tolist() for name in ("x_m", "y_m", "z_m")]

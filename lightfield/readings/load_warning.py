@@ -45,6 +45,8 @@ class Remarks(str, Enum):
     ODD_FILE = "odd_file"
     SINGLE_SPECTRA = "single_spectra"
     ALIKE_IN_BANDS = "alike_in_bands"
+    RESTLESS = "restless"
+    UNDIVIDED = "undivided"
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,11 @@ def _nonlinearity(said: Mapping[str, Value]) -> str:
     return f"the non-linearity correction {how}: strong readings may be low"
 
 
+def _restless(said: Mapping[str, Value]) -> str:
+    rows = line_ranges([int(row) for row in _several(said["readings"])])
+    return f"repeats of readings {rows} scatter far more than those elsewhere: a wild spectrum is averaged in"
+
+
 def _single(said: Mapping[str, Value]) -> str:
     single, equal = ([int(row) for row in _several(said[name])] for name in ("single", "equal"))
     parts = [f"readings {line_ranges(single)} come from single spectra"] if single else []
@@ -177,6 +184,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.NO_EXPOSURE: "some files do not say their exposure",
     Remarks.ODD_FILE: "{note}: {files}",
     Remarks.SINGLE_SPECTRA: _single,
+    Remarks.RESTLESS: _restless,
+    Remarks.UNDIVIDED: "exposures go from {shortest_s:g} to {longest_s:g} s, and no value is divided by them",
     Remarks.ALIKE_IN_BANDS: "{part:.0f} % of the variance of repeats is common to all bands, {percent:.2g} % "
     "of a reading: their errors are not independent, and every analysis takes them for that",
 }
@@ -209,5 +218,7 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.NO_EXPOSURE: "give integration_time_s",
     Remarks.ODD_FILE: "look at the file",
     Remarks.SINGLE_SPECTRA: "take three spectra or more at each place",
+    Remarks.RESTLESS: "look at their spectra, and leave the wild one out of the index",
+    Remarks.UNDIVIDED: "if the files hold counts, say so: the unit is counts",
     Remarks.ALIKE_IN_BANDS: "say plane_gain_percent = {percent:.2g} or more, or import one broad band",
 }

@@ -108,6 +108,8 @@ def import_index(
     stated = (budget or ErrorBudget()).plane_gain_percent or 0.0
     alike = alike_in_bands(stays, points, len(bands_nm), stated)
     notes += [alike] if alike else []
+    restless = tuple(k for k, row in enumerate(rows, 1) if row["restless"])
+    notes += [LoadWarning(Remarks.RESTLESS, {"readings": restless})] if restless else []
     single = provenance.single_spectra([row["n_spectra"] for row in rows], [row["stderr"] for row in rows])
     notes += [single] if single else []
     metadata = provenance.metadata_of(sequence, darks, unit, bands_nm, saturation_level, notes)

@@ -102,8 +102,14 @@ def doubts_of_files(
         if len(values) > 1:
             differ: dict[str, Value] = {"setting": what, "found": tuple(sorted(values))}
             found.append(LoadWarning(Remarks.MIXED_SETTINGS, differ))
-    if unit != "counts" and not all(np.isfinite(s.exposure_s) for s in sequence):
+    exposures = np.array([s.exposure_s for s in sequence])
+    if unit != "counts" and not np.isfinite(exposures).all():
         found.append(LoadWarning(Remarks.NO_EXPOSURE))
+    # Such files may hold counts or anything else; those of the other formats say which column is calibrated.
+    plain = unit != "counts" and all("value" in s.spectrum.columns for s in sequence)
+    if plain and len(exposures) and np.ptp(exposures) > reduction.SAME_EXPOSURE * exposures.min():
+        ends = {"shortest_s": float(exposures.min()), "longest_s": float(exposures.max())}
+        found.append(LoadWarning(Remarks.UNDIVIDED, ends))
     ignored = tuple(dict.fromkeys(name for s in shots for name in s.spectrum.ignored))
     if ignored:
         found.append(LoadWarning(Remarks.IGNORED_COLUMNS, {"columns": ignored}))

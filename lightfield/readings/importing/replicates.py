@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.readings.importing import provenance
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.load_warning import LoadWarning, Remarks
@@ -80,12 +80,12 @@ def joined_rows(
     """One row for each stay and band.
 
     Errors of the means are told by the scatter of the repeats, here and at all other places of the band
-    (`pooled_variance`).
+    (`pooled_variance`); `restless` are those whose repeats are not like the others'.
     """
     errors = [_errors([[points[k, b] for k in stay.members] for stay in stays]) for b in range(n_bands)]
     return [
         {
-            **_row([points[k, b] for k in stay.members], errors[b][n]),
+            **_row([points[k, b] for k in stay.members], errors[b][0][n]), "restless": bool(errors[b][1][n]),
             "band": b, "repeat": stay.repeat, "visit": stay.visit,
         }
         for n, stay in enumerate(stays)
@@ -128,8 +128,8 @@ def alike_in_bands(
     return LoadWarning(Remarks.ALIKE_IN_BANDS, {"percent": percent, "part": 100 * common / alone})
 
 
-def _errors(stays: Sequence[Sequence[BandValue]]) -> Array:
-    """Standard errors of the means of one band; nan where none can be told."""
+def _errors(stays: Sequence[Sequence[BandValue]]) -> tuple[Array, Mask]:
+    """Standard errors of the means of one band, nan where none can be told, and which places are restless."""
     from lightfield.readings.importing.repeat_noise import pooled_variance  # brings SciPy
 
     own, mean, number = [], [], []
@@ -141,10 +141,10 @@ def _errors(stays: Sequence[Sequence[BandValue]]) -> Array:
             mean.append(float(values.mean()))
         number.append(len(values))
     exposures = np.array([points[0].shot.exposure_s for points in stays])
-    variance = pooled_variance(np.array(mean), exposures, np.array(own), np.array(number))
+    variance, restless = pooled_variance(np.array(mean), exposures, np.array(own), np.array(number))
     # The dark's own error is common to the replicates, so averaging does not lessen it.
     dark = [max(p.dark_error for p in points) for points in stays]
-    return np.asarray(np.hypot(np.sqrt(variance / np.array(number)), dark))
+    return np.hypot(np.sqrt(variance / np.array(number)), dark), restless
 
 
 def _row(points: Sequence[BandValue], stderr: float) -> dict[str, Any]:

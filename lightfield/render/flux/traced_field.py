@@ -281,22 +281,23 @@ class TracedField:
         return bool(self.response.varying(self._water[1]).any())
 
     def _known_at(self, cells: Array) -> _Layers:
-        """Splines in this water about places, in cells: of their own layers where nothing else was asked yet.
+        """Splines in this water about places, in cells: at first of their own layers alone.
 
         A single reading in a new water needs a few layers; who asks elsewhere too, gets all.
         """
-        mine: dict[str, _Layers] = self.__dict__  # beside the cached properties
-        if "_all" in mine:
-            return self._all
         first, last = float(cells[:, 0].min()), float(cells[:, 0].max())
-        if "_some" not in mine:
-            nearest, farthest = min(int(first), self.layers - 1), max(int(last), 0)
-            z = slice(max(nearest - BEFORE, 0), min(farthest + BEHIND + 1, self.layers))
-            if z.stop - z.start == self.layers:
-                return self._all
-            mine["_some"] = _Layers(self, z)
-        some = mine["_some"]
-        return some if some.hold(first, last) else self._all
+        for known in reversed(self._made):
+            if known.hold(first, last):
+                return known
+        nearest, farthest = min(int(first), self.layers - 1), max(int(last), 0)
+        around = slice(max(nearest - BEFORE, 0), min(farthest + BEHIND + 1, self.layers))
+        self._made.append(_Layers(self, slice(0, self.layers) if self._made else around))
+        return self._made[-1]
+
+    @cached_property
+    def _made(self) -> list[_Layers]:
+        """Layers that were asked for so far: those of the first places, and all."""
+        return []
 
     @property
     def layers(self) -> int:
@@ -304,13 +305,9 @@ class TracedField:
         return len(self.grid.z_m)
 
     @cached_property
-    def _all(self) -> _Layers:
-        return _Layers(self, slice(0, self.layers))
-
-    @cached_property
     def _mean(self) -> Array:
         """All coefficients of all components, shape (4, n_z, n_y, n_x)."""
-        return self._all.weighed(self.histories.whole.tally)
+        return _Layers(self, slice(0, self.layers)).weighed(self.histories.whole.tally)
 
     def coefficients(self) -> tuple[Array, Array, Array, Array]:
         """a, b, wall albedo and surface of this water, 1/m and 1, shape (1,) each."""

@@ -245,6 +245,33 @@ def test_nonlinearity_flags_travel_with_the_readings(tmp_path, flags, word):
     assert ("nonlinearity" in codes(readings)) == (word != "yes")
 
 
+def test_a_wild_repeat_among_many_places_is_told_by_its_reading(campaign):
+    """Of 24 places with three spectra each, 1 % apart, the fifth has one with a fifth of the light."""
+    rng, rows = np.random.default_rng(1), ["dark_a.txt,,,0,dark"]
+    for place in range(24):
+        for k in range(3):
+            level = 0.2 if (place, k) == (4, 1) else 1 + 0.01 * rng.standard_normal()
+            name = f"p{place}_{k}.txt"
+            oceanview(campaign / name, DARK * 1.05 + 0.05 * rate(WAVELENGTH, level), 0.05)
+            rows.append(f"{name},{3 + 0.5 * place},0,{60 * place + k},signal")
+    readings = run(campaign, rows)
+    (told,) = [w for w in readings.warnings if w.code == "restless"]
+    assert told.values["readings"] == (5,) and "readings 5 scatter far more" in told.sentence
+    others = np.delete(readings.stderr / readings.value, 4)
+    assert others == pytest.approx(0.01 / np.sqrt(3), rel=0.3)  # each by itself: a tenth to twice of it
+    # Darks that were subtracted leave no dark signal to vary the exposure for.
+    assert "constant_integration_time" not in codes(readings)
+    without = run(campaign, rows[1:])
+    assert {"constant_integration_time", "no_dark"} <= codes(without)
+
+
+def test_values_that_no_exposure_divides_are_told(campaign):
+    """Raw counts that are called relative: those of 0.2 s are four times as large."""
+    assert "undivided" in codes(run(campaign, ROWS, units="relative"))
+    assert "undivided" not in codes(run(campaign, ROWS))
+    assert "undivided" not in codes(run(campaign, [ROWS[0], ROWS[2]], units="relative"))
+
+
 # --- units: asked for, never guessed
 
 

@@ -180,6 +180,7 @@ def test_walls_stop_the_leader_and_are_told_of_the_follower() -> None:
     track.pose[-1, 0, 0] = 1.2  # 0.2 m beyond the wall
     assert stays.through_walls == 1
     assert "drives through a wall of the tank in 1 of 2 runs" in stays.verdict
+    assert "believes the formula, as is true here" in stays.verdict, "no field was traced"
 
 
 def test_missions_that_cannot_be(tmp_path: Path) -> None:
