@@ -59,14 +59,14 @@ def as_text(plan: SweepPlan) -> str:
         lines.append(f"       {len(plan.problems)} of them are impossible and will be recorded as failed")
     each = (cases.count - len(plan.problems)) / max(1, len(plan.traces))
     lines.append(f"traces: {len(plan.traces)}, {each:.4g} cases evaluated from each")
-    for trace, own in zip(plan.traces[:8], _own_values(plan), strict=False):
+    for trace, own in zip(plan.traces[:_SHOWN], _own_values(plan), strict=True):
         r = trace.reference
         lines.append(
             f"  {trace.number + 1:4d}  a = {r.absorption_per_m:.4g} /m, b = {r.scattering_per_m:.4g} /m, "
             f"wall albedo {r.wall_albedo:.3g}{own}: {trace.cases} case{'s' * (trace.cases != 1)}"
         )
-    if len(plan.traces) > 8:
-        lines.append(f"  ... and {len(plan.traces) - 8} more")
+    if len(plan.traces) > _SHOWN:
+        lines.append(f"  ... and {len(plan.traces) - _SHOWN} more")
     lines.append(f"blocks: {len(plan.blocks)} of up to {max(len(b.cases) for b in plan.blocks)} cases")
     lines.append(
         f"estimate for one core: tracing {duration(cost.trace_seconds)} "
@@ -77,14 +77,15 @@ def as_text(plan: SweepPlan) -> str:
     return "\n".join(lines)
 
 
-#: What a trace's line says of itself already.
+#: So many traces have a line, and what it says already.
+_SHOWN = 8
 _SAID = ("water.absorption_per_m", "water.scattering_per_m", "tank.wall_albedo")
 
 
 def _own_values(plan: SweepPlan) -> list[str]:
     """What the cases of a trace have in common, beside what its line says; of the first traces."""
     found = []
-    for number in range(min(len(plan.traces), 8)):
+    for number in range(min(len(plan.traces), _SHOWN)):
         first, *others = (plan.cases.values(int(k)) for k in np.flatnonzero(plan.trace_of_case == number))
         alike = {p: v for p, v in first.items() if p not in _SAID and all(v == other[p] for other in others)}
         told = (f"{v:g}" if isinstance(v, float) else str(v) for v in alike.values())
