@@ -16,6 +16,7 @@ from lightfield.studies.link.text import (
     bandwidth_sentence,
     headline,
     in_band_words,
+    keying_words,
     reported_rows,
     rows,
 )
@@ -125,7 +126,7 @@ def link_page(found: Link) -> str:
         "What others report, with lamps and receivers of their own: not computed here.", REPORTED_HEAD,
         reported_rows(), (1, 2),
     )  # fmt: skip
-    lamp = f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}."
+    lamp = f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {keying_words(found)}."
     sections = [
         Section("How far", (reach,), (ASKED,), (table, others)),
         Section(

@@ -23,7 +23,7 @@ from lightfield.report.style import (
     label,
     panels,
 )
-from lightfield.studies.following.study import BELIEFS, SHORT, Followed
+from lightfield.studies.following.study import Followed
 
 #: Frames of a strip, and rows of one figure.
 FRAMES, FEW_FRAMES, MOST_ROWS = 5, 3, 6
@@ -58,7 +58,7 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
                 axis.set_xlim(-0.4, far)
                 axis.set_ylim(-wide, wide)
             row[0].set_ylabel("across (m)", fontsize=8.5)
-            believed = (SHORT if narrow else BELIEFS)[one.mission.believes]
+            believed = one.believed_short if narrow else one.believed
             name = row[0].annotate(
                 f"{one.name}; believes {believed}", (0, 1), (0, 21), ha="left",
                 xycoords="axes fraction", textcoords="offset points", fontsize=9.5, fontweight="bold",
@@ -130,7 +130,7 @@ def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
                 axis.plot(track.time_s, values, color=colour, linewidth=0.6, alpha=0.35, linestyle=style)
             far.plot(
                 track.time_s, _mean(z), color=colour, linestyle=style, linewidth=2,
-                label=f"{one.name}: {SHORT[one.mission.believes]}",
+                label=f"{one.name}: {one.believed_short}",
             )  # fmt: skip
             aside.plot(track.time_s, _mean(x), color=colour, linestyle=style, linewidth=2)
         first = cases[0]

@@ -12,7 +12,6 @@ from lightfield.report.sections import Section, Table
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import follower_in
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OverRuns
-from lightfield.studies.following.study import SHORT as SHORT_BELIEFS
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
 
@@ -66,7 +65,7 @@ def following_page(found: Following) -> str:
             tables=[
                 Table(
                     "Mean of the runs ± scatter from run to run.",
-                    ["", *(f"{one.name}: {SHORT_BELIEFS[one.mission.believes]}" for one in cases)],
+                    ["", *(f"{one.name}: {one.believed_short}" for one in cases)],
                     rows,
                 )
             ],

@@ -86,10 +86,16 @@ class Followed:
     @property
     def believed(self) -> str:
         """What it believes, in words."""
-        believes = self.mission.believes
-        return (
-            "the formula, as is true here" if believes == "field" and not self.traced else BELIEFS[believes]
-        )
+        return "the formula, as is true here" if self._knows_the_formula else BELIEFS[self.mission.believes]
+
+    @property
+    def believed_short(self) -> str:
+        """The same, for legends."""
+        return "formula, true here" if self._knows_the_formula else SHORT[self.mission.believes]
+
+    @property
+    def _knows_the_formula(self) -> bool:
+        return self.mission.believes == "field" and not self.traced
 
     @property
     def through_walls(self) -> int:
@@ -229,8 +235,12 @@ class Following:
         parts = []
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
             alike = [one for one in self.cases if one.mission.believes == believes]
-            stands = ", ".join(f"{_pm(one.spreads['standoff_at_end'])} m ({one.name})" for one in alike)
-            parts.append(f"who believes {BELIEFS[believes]} stands at {stands}")
+            stands = ", ".join(
+                f"{_pm(one.spreads['standoff_at_end'])} m ({one.name}"
+                f"{', through a wall of the tank' if one.through_walls else ''})"
+                for one in alike
+            )
+            parts.append(f"who believes {alike[0].believed} stands at {stands}")
         return f"Asked for {first.standoff_m:g} m: " + "; ".join(parts)
 
     def as_data(self) -> dict[str, Any]:

@@ -93,6 +93,14 @@ def in_band_words(found: Link) -> str:
     return f"of which {found.in_band_w:.3g} W count, from {low:g} to {high:g} nm"
 
 
+def keying_words(found: Link) -> str:
+    """How power becomes bits."""
+    return (
+        f"on-off keying at {found.receiver.bit_rate_per_s:g} bit/s: a one has twice that power, a zero none, "
+        "so that the mean is the lamp's"
+    )
+
+
 def as_text(found: Link) -> str:
     """The answer for people."""
     receiver = found.receiver
@@ -104,9 +112,7 @@ def as_text(found: Link) -> str:
         *lines, bandwidth_sentence(found), ASKED,
         f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {receiver.area_mm2:g} mm² diode of "
         f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
-        f"background {receiver.background_a:g} A, error rate {receiver.ber:g}, on-off keying at "
-        f"{receiver.bit_rate_per_s:g} bit/s: a one has twice that power, a zero none, so that the mean is "
-        "the lamp's.",
+        f"background {receiver.background_a:g} A, error rate {receiver.ber:g}, {keying_words(found)}.",
         f"Others report, with lamps and receivers of their own: {reported}.",
     ])  # fmt: skip
 

@@ -21,7 +21,7 @@ from lightfield.studies.follower.tracking import Filter
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.loop import _Moving
 from lightfield.studies.following.metrics import OverRuns
-from lightfield.studies.following.study import Followed, follow, with_belief
+from lightfield.studies.following.study import Followed, Following, follow, with_belief
 from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
 from lightfield.studies.following.truth_and_belief import belief_of
 from lightfield.sweep.axes import parse_axis
@@ -180,7 +180,10 @@ def test_walls_stop_the_leader_and_are_told_of_the_follower() -> None:
     track.pose[-1, 0, 0] = 1.2  # 0.2 m beyond the wall
     assert stays.through_walls == 1
     assert "drives through a wall of the tank in 1 of 2 runs" in stays.verdict
-    assert "believes the formula, as is true here" in stays.verdict, "no field was traced"
+    # No field was traced: neither the sentence nor figures and tables say that one is believed.
+    page = following_page(Following([stays]))
+    assert "believes the formula, as is true here" in stays.verdict
+    assert "formula, true here" in page and "traced field" not in page
 
 
 def test_missions_that_cannot_be(tmp_path: Path) -> None:

@@ -260,4 +260,5 @@ def test_words_data_and_page(clear) -> None:
     assert (docking["name"], docking["rule"]) == ("pose", "all that docking asks of a pose")
     assert "10 to 15 m (turbid bay; Cowen" in as_text(clear)
     page = link_page(clear)
+    assert all("a one has twice that power" in told for told in (page, as_text(clear)))
     assert "first source" in page and page.count("<svg") == 2 * 2
