@@ -19,7 +19,7 @@ from lightfield.diagnosis.adequacy.templates import slope_at
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE
+from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE, own_part
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable, in_words
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -144,7 +144,8 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
         problem = following(problem, lit, _SEED)
         base = problem.fit((), _identity, [base.u])
     slope = budget.position_slope(forward, base.values)
-    noise = Noise(problem.layout, layout_table.stderr, base.prediction, budget, slope)
+    sigma = own_part(layout_table.stderr, problem.layout.common * layout_table.value)
+    noise = Noise(problem.layout, sigma, base.prediction, budget, slope)
     whiten = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), whiten, [base.u])
     adequacy = whitened_test(problem, whiten, np.random.default_rng(0))(base)

@@ -20,6 +20,7 @@ from lightfield.diagnosis.plan import planned
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.quoted import own_part
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -205,7 +206,8 @@ def _searched(
     budget = budget_of(replace(table, stderr=readings.stderr))
     base = problem.fit((), _plainly, [problem.model().start])
     slope = budget.position_slope(forward, {**base.values, **values})
-    whiten = Whitener(Noise(problem.layout, table.stderr, table.value, budget, slope), 0.0, 1.0, 0.0)
+    sigma = own_part(table.stderr, problem.layout.common * table.value)
+    whiten = Whitener(Noise(problem.layout, sigma, table.value, budget, slope), 0.0, 1.0, 0.0)
     model = problem.model(chosen)
     start = {
         p.path: p.coordinate_of(values[p.path]) if p.path in values else p.start for p in model.parameters

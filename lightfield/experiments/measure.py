@@ -176,10 +176,12 @@ def measure(
     shown = clean * (1 + instrument.plane_gain * rng.standard_normal(visits)[layout.visit])
     if instrument.position_m > 0:
         shown = shown * _displaced(truth, table, light.value, instrument.position_m, rng)
+    if layout.common.any():
+        shown = shown * (1 + layout.common * rng.standard_normal(n)[layout.spectrum])
     sigma = instrument.sigma(shown)
     error = _in_sigma(instrument, layout, rng)
     quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, n) / (SAMPLES - 1))
-    stderr = np.hypot(quoted, light.relative_error * shown)
+    stderr = np.sqrt(quoted**2 + (light.relative_error * shown) ** 2 + (layout.common * shown) ** 2)
     return replace(table, value=shown + sigma * error, stderr=stderr), clean
 
 

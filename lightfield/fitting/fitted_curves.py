@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 from lightfield.fitting.curves import (
     ABSORPTION,
     BEYOND,
@@ -162,7 +163,7 @@ def _lamp_errors(forward: SceneForward, fit: Fit, scale: float, at_deg: Array, r
     Beyond the last angle that was read it is a guess, which may be all wrong where the fit's curve ends.
     """
     value, slopes = _with_slopes(forward, fit, _intensity, at_deg)
-    variance, directions = np.linalg.eigh(np.nan_to_num(fit.covariance(scale)))
+    variance, directions = eigen(np.nan_to_num(fit.covariance(scale)))
     errors = slopes @ (directions * np.sqrt(np.maximum(variance, 0.0)))
     _, size, curves = np.linalg.svd(errors.T, full_matrices=False)
     kept = size > _HARDLY * size.max(initial=0.0)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.readings import units
-from lightfield.readings.columns import MEDIA, QUANTITIES, ROLES, SCALES, TERMS
+from lightfield.readings.columns import MEDIA, NUMBER_COLUMNS, QUANTITIES, ROLES, SCALES, TERMS
 from lightfield.readings.other_units import unit_of_lengths
 from lightfield.readings.problems import Problems
 from lightfield.readings.unchecked import Unchecked
@@ -30,6 +30,8 @@ _LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
 LARGEST_STEP = 1e9
 #: And the least of a reading's error, of the largest reading: below it squares come to nothing.
 SMALLEST_ERROR = 1e-12
+#: A part may be larger than the whole by what a table's digits leave open.
+_ROUNDED = 1e-3
 #: Seconds, not milliseconds since 1970; and a warm-up seen from long before zero is beyond any number.
 EARLIEST_S, LATEST_S = -1e5, 1e11
 
@@ -61,7 +63,7 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
 
     for name in ("x_m", "y_m", "z_m", "value"):
         refuse(~np.isfinite(getattr(readings, name)), name, "is not a finite number", "a finite number")
-    for name in ("wavelength_nm", "stderr", "time_s", "integration_time_s", "repeat", "visit"):
+    for name in (name for name in NUMBER_COLUMNS if name not in ("x_m", "y_m", "z_m", "value", "saturated")):
         refuse(np.isinf(getattr(readings, name)), name, "is infinite", "a finite number, or nothing")
     for name in ("x_m", "y_m", "z_m"):
         far = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > FARTHEST_M)
@@ -86,6 +88,13 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"
     )
+    refuse(readings.common_percent < 0, "common_percent", "is negative", "common_percent >= 0")
+    with np.errstate(invalid="ignore", over="ignore"):
+        part = readings.common_percent / 100 * np.abs(readings.value) / readings.stderr
+    refuse(
+        part > 1 + _ROUNDED, "common_percent", "is more than the standard error that it is a part of",
+        "at most stderr, in per cent of the reading", "give both of one reading, as standard errors",
+    )  # fmt: skip
     refuse(readings.wavelength_nm <= 0, "wavelength_nm", "is not positive", "wavelength_nm > 0")
     refuse(
         readings.integration_time_s <= 0, "integration_time_s", "is not positive", "integration_time_s > 0"

@@ -23,6 +23,7 @@ COLUMNS = (
     "wavelength_nm",
     "value",
     "stderr",
+    "common_percent",
     "time_s",
     "integration_time_s",
     "role",

@@ -44,7 +44,7 @@ class Remarks(str, Enum):
     NO_EXPOSURE = "no_exposure"
     ODD_FILE = "odd_file"
     SINGLE_SPECTRA = "single_spectra"
-    ALIKE_IN_BANDS = "alike_in_bands"
+    COMMON_FLICKER = "common_flicker"
     RESTLESS = "restless"
     UNDIVIDED = "undivided"
 
@@ -186,8 +186,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.SINGLE_SPECTRA: _single,
     Remarks.RESTLESS: _restless,
     Remarks.UNDIVIDED: "exposures go from {shortest_s:g} to {longest_s:g} s, and no value is divided by them",
-    Remarks.ALIKE_IN_BANDS: "{part:.0f} % of the variance of repeats is common to all bands, {percent:.2g} % "
-    "of a reading: their errors are not independent, and every analysis takes them for that",
+    Remarks.COMMON_FLICKER: "the lamp flickers: all bands of a spectrum are off together by {percent:.2g} % "
+    "of a reading, which is reckoned with (common_percent)",
 }
 _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "shorten the exposure there",
@@ -220,5 +220,5 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SINGLE_SPECTRA: "take three spectra or more at each place",
     Remarks.RESTLESS: "look at their spectra, and leave the wild one out of the index",
     Remarks.UNDIVIDED: "if the files hold counts, say so: the unit is counts",
-    Remarks.ALIKE_IN_BANDS: "say plane_gain_percent = {percent:.2g} or more, or import one broad band",
+    Remarks.COMMON_FLICKER: "a steadier supply or more repeats make it less",
 }

@@ -28,6 +28,9 @@ class Unchecked:
         Band centre; nan is the scene's band.
     value, stderr : array, shape (n,), `units`
         Reading and its standard error.
+    common_percent : array, shape (n,), %
+        The part of `stderr`, in per cent of the reading, by which all bands of one spectrum are off together
+        (a lamp that flickers): readings of one place, time and repeat. Unknown is none.
     time_s, integration_time_s : array, shape (n,), s
         When it was taken, and the exposure.
     role : array of str, shape (n,)
@@ -64,6 +67,7 @@ class Unchecked:
     wavelength_nm: Array
     value: Array
     stderr: Array
+    common_percent: Array
     time_s: Array
     integration_time_s: Array
     role: NDArray[np.str_]

@@ -34,6 +34,7 @@ def layout(planes: int = 5, across: int = 12, in_order: bool = False) -> Layout:
         SimpleNamespace(
             x_m=x, y_m=np.zeros(n), z_m=z, time_s=time, wavelength_nm=np.full(n, 525.0),
             medium=np.full(n, "water"), visit=np.full(n, np.nan),
+            repeat=np.full(n, np.nan), common_percent=np.full(n, np.nan),
         )
     )  # fmt: skip
 

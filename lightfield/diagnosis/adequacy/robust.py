@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy import optimize, special
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 from lightfield.diagnosis.adequacy.subspace import TINY, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
@@ -155,7 +156,7 @@ def _studentised(residual: Array, basis: Array, judges: NDArray[np.bool_]) -> tu
     """|misfit| of readings that were not used over its standard error, shape (n,), and degrees of freedom."""
     others = basis[~judges]
     # The basis is orthonormal over all readings: what the judges see of it is what the others leave.
-    square, directions = np.linalg.eigh(np.eye(basis.shape[1]) - others.T @ others)
+    square, directions = eigen(np.eye(basis.shape[1]) - others.T @ others)
     firm = square > _LOOSE
     loose, inverse = others @ directions, 1 / square[firm]
     along = directions.T @ (basis.T @ (judges * residual))
@@ -362,7 +363,7 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
         return 1.0
     outside = np.linalg.qr(rich[kept], mode="complete")[0][:, rich.shape[1] :]
     white = plain(plain(extra).T)[np.ix_(kept, kept)]
-    more, directions = np.linalg.eigh(outside.T @ white @ outside)
+    more, directions = eigen(outside.T @ white @ outside)
     more, square = np.maximum(more, 0.0), (directions.T @ (outside.T @ residual[kept])) ** 2
 
     def deviance(log_phi: float) -> float:

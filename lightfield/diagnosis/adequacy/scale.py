@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import Chebyshev
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 from lightfield.diagnosis.adequacy.robust import FEWEST_TO_SCALE, likeliest_scale
-from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.whitening import Whitener
 
 #: Degree of the polynomials in ln(phi) that stand for the likelihood where each value of it takes a factor of
@@ -46,7 +46,7 @@ def scale_along(
     own = noise if kept.all() else noise.subset(kept)
     coloured = plain.coloured(columns)[kept]
     (stay, gain), stays = own.stays, np.unique(own.stays[0][own.stays[0] >= 0])
-    if own.budget.position_m == 0 and len(stays) <= _FEW_STAYS:
+    if not own.of_moments and len(stays) <= _FEW_STAYS:
         shared = [*own.smooth_parts(tolerance), gain[:, None] * (stay[:, None] == stays)]
         along = _deviance(own, plain.rho, shared, coloured)
         return likeliest_scale(lambda low, high: along, rest / spare)
@@ -79,8 +79,7 @@ def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> 
     columns : array, shape (n, k + 1)
         Rich model and, last, residual.
     """
-    plain = replace(noise.without_light, budget=Budget(0.0, 0.0, 0.0))
-    whiten, parts = Whitener(plain, rho), [*shared, columns]
+    whiten, parts = Whitener(noise.alone, rho), [*shared, columns]
     white = np.empty((len(columns), sum(part.shape[1] for part in parts)))
     at = 0
     for part in parts:
@@ -89,7 +88,7 @@ def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> 
             white[:, at : (at := at + some.shape[1])] = whiten(some)
     gram, known = white.T @ white, at - columns.shape[1]
     # In the eigenvectors of what is shared one decomposition serves every phi.
-    square, directions = np.linalg.eigh(gram[:known, :known])
+    square, directions = eigen(gram[:known, :known])
     square, beside = np.maximum(square, 0.0), directions.T @ gram[:known, known:]
 
     def deviance(log_phi: float) -> float:

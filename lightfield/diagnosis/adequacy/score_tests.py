@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from lightfield.arrays import Array
+from lightfield.decompositions import thin_svd
 from lightfield.diagnosis.adequacy.subspace import (
     DISTINCT,
     INDEPENDENT,
@@ -24,7 +25,6 @@ from lightfield.diagnosis.adequacy.subspace import (
     beside,
     combined,
     orthonormal,
-    thin_svd,
 )
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem

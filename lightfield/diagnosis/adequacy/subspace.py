@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen, thin_svd
 
 #: Keeps a quotient by nothing finite: below the square of any reading.
 TINY = 1e-300
@@ -14,19 +14,6 @@ TINY = 1e-300
 INDEPENDENT = 1e-9
 #: The same of effects and unknowns, whose directions must be told apart by readings good to a per cent or so.
 DISTINCT = 1e-3
-
-
-def thin_svd(columns: Array) -> tuple[Array, Array, Array]:
-    """Singular value decomposition u, s, v^T of columns, shape (n, k), by a driver that converges.
-
-    LAPACK's divide and conquer (gesdd) is fast, and fails on some finite matrices of nearly parallel columns;
-    the QR iteration (gesvd) then does it.
-    """
-    try:
-        u, s, vt = np.linalg.svd(columns, full_matrices=False)
-    except np.linalg.LinAlgError:
-        u, s, vt = scipy.linalg.svd(columns, full_matrices=False, lapack_driver="gesvd")
-    return u, s, vt
 
 
 def orthonormal(columns: Array, tolerance: float = DISTINCT) -> Array:
@@ -62,7 +49,7 @@ def combined(gram: Array) -> Array:
     out = np.zeros((len(gram), 0))
     if len(usable) == 0:
         return out
-    square, directions = np.linalg.eigh(gram[np.ix_(usable, usable)] / np.outer(norm[usable], norm[usable]))
+    square, directions = eigen(gram[np.ix_(usable, usable)] / np.outer(norm[usable], norm[usable]))
     strong = square > DISTINCT**2 * square[-1]
     out = np.zeros((len(gram), int(strong.sum())))
     out[usable] = directions[:, strong] / np.sqrt(square[strong]) / norm[usable, None]

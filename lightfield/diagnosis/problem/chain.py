@@ -19,6 +19,7 @@ from scipy.linalg import get_lapack_funcs, solve_triangular
 from scipy.linalg.lapack import dtrtri
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 
 Rows = NDArray[np.int_]
 
@@ -195,7 +196,7 @@ def fewer_columns(parts: Sequence[Array], own: Array, left_out: float) -> Array:
     for part in parts:
         some = relative[:, at : (at := at + part.shape[1])]
         np.divide(part, own[:, None], out=some, casting="same_kind")
-    square, directions = np.linalg.eigh(relative.T @ relative)
+    square, directions = eigen(relative.T @ relative)
     lost = np.cumsum(np.maximum(square, 0.0)) <= left_out * len(own)
     if lost.any():
         relative = relative @ directions[:, ~lost]

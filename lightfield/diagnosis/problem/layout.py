@@ -43,6 +43,10 @@ class Layout:
         Readings in scan order within each channel, channels one after the other.
     position : array, shape (n,)
         Place of each reading in the scan (0, 1, 2...; readings of one moment share it).
+    spectrum : array of int, shape (n,)
+        Labels from 0: place, time and repeat, where each channel occurs once.
+    common : array, shape (n,)
+        Standard error over the reading that those of one spectrum share, a part of the stated ones.
     """
 
     x_m: Array
@@ -56,6 +60,8 @@ class Layout:
     visit: Labels
     order: Labels
     position: Array
+    spectrum: Labels
+    common: Array
 
     @property
     def size(self) -> int:
@@ -177,7 +183,10 @@ def layout_of(readings: Readings) -> Layout:
         _, position = np.unique(sequence, return_inverse=True)
     else:
         visit, position = plane.copy(), np.arange(len(z))
+    of_spectrum = np.nan_to_num([x, y, z, time, np.asarray(readings.repeat, float)], nan=-1.0)
+    spectrum = np.unique([air, *of_spectrum], axis=1, return_inverse=True)[1].ravel()
     return Layout(
         x, y, z, time, wavelength, air, channel, plane, visit,
         np.lexsort((sequence, channel)), position.astype(float),
+        spectrum, np.nan_to_num(np.asarray(readings.common_percent, float)) / 100,
     )  # fmt: skip

@@ -68,7 +68,8 @@ class Noise:
     Parameters
     ----------
     sigma, prediction : array, shape (n,)
-        Smoothed standard error, and the model reading it belongs to.
+        Smoothed standard error, without what the bands of a spectrum share, and the model reading that it
+        belongs to.
     position_slope : array, shape (n,)
         |gradient| of the prediction with respect to x, y, z, per metre.
     photon_modes : array, shape (n, k), optional
@@ -92,6 +93,12 @@ class Noise:
     def without_light(self) -> Noise:
         """The same without the errors of the light."""
         return replace(self, photon_modes=None, response_error=None, lamp_modes=None)
+
+    @property
+    def alone(self) -> Noise:
+        """The readings' own errors and nothing that they share."""
+        layout = replace(self.layout, common=np.zeros(self.layout.size))
+        return replace(self.without_light, layout=layout, budget=Budget(0.0, 0.0, 0.0))
 
     @property
     def _bright(self) -> Array:
@@ -122,9 +129,17 @@ class Noise:
         return self.photon_modes is not None and bool(self.photon_modes.size)
 
     @property
-    def moved(self) -> Array:
-        """Error by the place, which readings of one moment share, shape (n,)."""
-        return self.budget.position_m * self.position_slope
+    def of_moments(self) -> tuple[tuple[Labels, Array], ...]:
+        """Errors that readings taken at once share: labels from 0, and their size; both of shape (n,).
+
+        By the place, in one moment; and by what all bands of a spectrum see.
+        """
+        lay = self.layout
+        every = (
+            (lay.moment, self.budget.position_m * self.position_slope),
+            (lay.spectrum, lay.common * self._bright),
+        )
+        return tuple(one for one in every if one[1].any())
 
     def _smooth(self, a: Labels, b: Labels, tolerance: float) -> Array:
         """Covariance of tolerated model error and diffuse light between two sets of readings."""
@@ -239,9 +254,8 @@ class Noise:
         stay, gain = (each[a] for each in self.stays)
         if gain.any():
             out += np.outer(gain, gain) * (stay[:, None] == stay[None])
-        if self.budget.position_m > 0:
-            moment, moved = self.layout.moment[a], self.moved[a]
-            out += np.outer(moved, moved) * (moment[:, None] == moment[None])
+        for label, size in self.of_moments:
+            out += np.outer(size[a], size[a]) * (label[a][:, None] == label[a][None])
         return out
 
     def serial(self, rho: float, rows: Labels | None = None) -> Array:
@@ -256,7 +270,8 @@ class Noise:
         return np.asarray(out)
 
     def covariance(self, rho: float, phi: float, tolerance: float, rows: Labels | None = None) -> Array:
-        """phi S R S + plane gain + stage + tolerated smooth model error + Monte Carlo, shape (n, n)."""
+        """phi S R S + plane gain + stage + what bands share + tolerated smooth model error + Monte Carlo,
+        shape (n, n)."""
         sigma, out = self.sigma if rows is None else self.sigma[rows], self.extra(tolerance, rows)
         if rho == 0:
             out[np.diag_indices(len(sigma))] += phi * sigma**2
@@ -268,11 +283,12 @@ class Noise:
 
     def variance(self, phi: float, tolerance: float) -> Array:
         """Diagonal of the covariance without serial correlation, shape (n,)."""
-        return phi * self.sigma**2 + self.stays[1] ** 2 + self.moved**2 + self._smooth_variance(tolerance)
+        shared = sum(size**2 for _, size in self.of_moments)
+        return phi * self.sigma**2 + self.stays[1] ** 2 + shared + self._smooth_variance(tolerance)
 
     def independent(self, tolerance: float) -> bool:
         """Do no two readings share an error, but for serial correlation?"""
-        labels = self.stays[0][self.stays[0] >= 0], self.layout.moment[self.moved > 0]
+        labels = self.stays[0][self.stays[0] >= 0], *(label[size > 0] for label, size in self.of_moments)
         alone = all(len(np.unique(label)) == len(label) for label in labels)
         return alone and not self._smooth_variance(tolerance).any()
 

@@ -26,6 +26,10 @@ _CURVE_ROUNDS, _LEAST_SPREAD, _HALF_WEIGHT, _SMALLEST_VARIANCE = 8, 0.05, 4.0, 1
 #: A group has a factor of its own when so many errors are off by so many standard errors of their median,
 #: which is 1.25 = sqrt(pi / 2) times that of a mean.
 _FEWEST_IN_GROUP, _GROUP_SIGMA, _MEDIAN_ERROR = 8, 5.0, 1.25
+#: Least part of a standard error that is a reading's own, where the rest is shared with others. Chosen: a
+#: lamp's flicker is that of its temperature, some half more in the blue than in the red, and bands of a
+#: spectrum agree no better than that.
+_OWN_PART = 0.2
 #: Light below this part of the largest error is none: the square of what lies between would be no number.
 NO_LIGHT = 1e-100
 
@@ -82,3 +86,8 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
     # A reading whose own error is far above the curve was marked as poor on purpose.
     poor = known & (np.nan_to_num(quoted) > _TALL * sigma)
     return np.asarray(np.where(poor, np.nan_to_num(quoted), sigma))
+
+
+def own_part(sigma: Array, shared: Array) -> Array:
+    """What is left of standard errors without the part that other readings share, shape (n,)."""
+    return np.asarray(np.sqrt(np.maximum(sigma**2 - shared**2, (_OWN_PART * sigma) ** 2)))

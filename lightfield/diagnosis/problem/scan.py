@@ -34,18 +34,23 @@ def links_of(
     smooth, own = noise.smooth_columns(tolerance), np.sqrt(phi) * noise.sigma
     channels = np.arange(int(lay.channel.max()) + 1 if rho > 0 else 0)
     lasting = smooth.shape[1] + len(channels)
-    (stay, gain), moved, block = noise.stays, noise.moved, np.empty(n, int)
+    block = np.empty(n, int)
     block[order] = np.arange(n) // size
-    moment = np.where(moved > 0, lay.moment + n, -1)  # labels that no stay has
-    first, last = np.full(2 * n, n), np.full(2 * n, -1)
-    for label in (stay, moment):
+    # Each kind of shared error has labels that no other has.
+    at_once = [
+        (np.where(amount > 0, label + k * n, -1), amount)
+        for k, (label, amount) in enumerate((noise.stays, *noise.of_moments))
+    ]
+    first, last = np.full(len(at_once) * n, n), np.full(len(at_once) * n, -1)
+    for label, _ in at_once:
         np.minimum.at(first, label[label >= 0], block[label >= 0])
         np.maximum.at(last, label[label >= 0], block[label >= 0])
 
     def columns(rows: Rows, lag: Array, still: Rows) -> Array:
         remembered = np.where(lay.channel[rows][:, None] == channels, rho ** lag[:, None], 0.0)
-        shared = gain[rows][:, None] * (stay[rows][:, None] == still)
-        shared += moved[rows][:, None] * (moment[rows][:, None] == still)
+        shared = np.zeros((len(rows), len(still)))
+        for label, amount in at_once:
+            shared += amount[rows][:, None] * (label[rows][:, None] == still)
         return np.hstack([smooth[rows], own[rows][:, None] * remembered, shared])
 
     before, begin = np.zeros(0, int), lay.position[order[0]]

@@ -21,33 +21,25 @@ from lightfield.diagnosis.adequacy.robust import (
     SAME_RHO,
     Serial,
     noise_scale,
-    outliers,
-    rich_basis,
     scatter_law,
-    scattered,
     serial_correlation,
     unstated_error,
 )
 from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Adequacy, AdequacyTest
-from lightfield.diagnosis.adequacy.subspace import orthonormal
-from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
+from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import FEW, Budget, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.problem.quoted import errors_stated, smooth_stderr
+from lightfield.diagnosis.problem.quoted import errors_stated, own_part
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.description import describe
+from lightfield.diagnosis.search.kept_readings import Kept, beside_base, rich_of, without_outliers
 from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.fitting.least_squares import Fit
 
 #: Replicates of the bootstrap: the smallest p is 0.001, a tenth of the level of a test.
 REPLICATES = 999
-#: Rounds of leaving out outliers and fitting anew.
-_OUTLIER_ROUNDS = 3
-#: What lies within so many standard errors of a fit that was made without it is no outlier. Chosen: of 175
-#: readings one lies farther by chance in four tables of ten.
-_MET = 3.0
 #: Serial correlation is judged beside more spare readings than this; see `robust._FEWEST_PAIRS`.
 _SPARE_FOR_SERIAL = 25
 #: Seeds of generators of their own.
@@ -88,10 +80,9 @@ class Prepared:
     @cached_property
     def richest(self) -> tuple[Whitener, Fit, Array]:
         """Whitening by the quoted errors alone, the description under it, and the rich model there."""
-        noise = replace(self.noise.without_light, budget=Budget(0.0, 0.0, 0.0))
-        plain = Whitener(noise, self.serial.rho)
+        plain = Whitener(self.noise.alone, self.serial.rho)
         fit = self.problem.fit(self.explanation, plain, [self.reference.u])
-        return plain, fit, _rich(self.problem, plain, fit)
+        return plain, fit, rich_of(self.problem, plain, fit)
 
 
 @dataclass(frozen=True)
@@ -110,63 +101,6 @@ class TestedBase(NamedTuple):
     bench: Bench
     fit: Fit
     adequacy: Adequacy
-
-
-class Kept(NamedTuple):
-    """Readings without outliers, and the basis beside which they were judged, where that is the fit's."""
-
-    problem: Problem
-    whiten: Whitener
-    fit: Fit
-    basis: Array | None = None
-
-    @property
-    def rich(self) -> Array:
-        return _rich(self.problem, self.whiten, self.fit) if self.basis is None else self.basis
-
-
-def _rich(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
-    unknowns = whitened_unknowns(problem, whiten, with_scans=False)
-    return rich_basis(fit, bank(problem, fit, whiten), unknowns, with_time)
-
-
-def _plain(problem: Problem, quoted: Array, prediction: Array, more: Array | float = 0.0) -> Whitener:
-    """Whitening by the smoothed quoted errors, and more of one's own, alone."""
-    layout, zero = problem.layout, np.zeros(problem.layout.size)
-    sigma = smooth_stderr(quoted, np.clip(prediction, 0, None), layout.channel)
-    return Whitener(Noise(layout, np.hypot(sigma, more), prediction, Budget(0.0, 0.0, 0.0), zero))
-
-
-def _without_outliers(
-    problem: Problem,
-    quoted: Array,
-    explanation: Explanation,
-    fit: Fit,
-    usable: Array,
-    by_effects: bool,
-    more: Array | float = 0.0,
-) -> Kept:
-    problem = replace(problem, keep=usable)
-    whiten = _plain(problem, quoted, fit.prediction, more)
-    fit = problem.fit(explanation, whiten, [fit.u])
-    basis = None
-    for _ in range(_OUTLIER_ROUNDS):
-        basis = _rich(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
-        bad = outliers(fit.residual, basis, problem.keep)
-        if not bad.any():
-            break
-        every = (usable > 0) & ((problem.keep == 0) | bad)
-        left_out = scattered(every, problem.value - fit.prediction, problem.layout)
-        problem = replace(problem, keep=usable * ~left_out)
-        fit = problem.fit(explanation, whiten, [fit.u])
-        whiten, basis = _plain(problem, quoted, fit.prediction, more), None
-    # A rich model that slips lead astray misses their neighbours too: what the fit itself meets is no slip.
-    met = np.abs(problem.value - fit.prediction) < _MET * whiten.noise.sigma
-    met &= (usable > 0) & (problem.keep == 0)
-    if met.any():
-        problem, basis = replace(problem, keep=np.where(met, usable, problem.keep)), None
-        fit = problem.fit(explanation, whiten, [fit.u])
-    return Kept(problem, whiten, fit, basis if by_effects else None)
 
 
 def prepare_problem(
@@ -195,7 +129,7 @@ def prepare_problem(
     rich = _prepared(problem, quoted, budget, known)
     if rich.to_trace_per_m or _base_passes(rich, rng, alpha):
         return rich
-    alone = _beside_base(problem, quoted, False)
+    alone = beside_base(problem, quoted, False)
     kept, kept_by_rich = alone.problem.keep, rich.problem.keep
     if (kept == kept_by_rich).all() or kept.sum() < kept_by_rich.sum() - 1:
         return rich
@@ -220,17 +154,10 @@ def base_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> T
     return tested
 
 
-def _beside_base(problem: Problem, quoted: Array, by_effects: bool) -> Kept:
-    """Outliers judged beside the base model, and what effects would make of it (`by_effects`) or alone."""
-    first = _plain(problem, quoted, np.clip(problem.value, 0, None))
-    base = problem.fit((), first, [problem.model().start])
-    return _without_outliers(problem, quoted, (), base, problem.keep, by_effects)
-
-
 def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[Fitted] = ()) -> Prepared:
     """Outliers judged beside the rich model."""
     usable, stated = problem.keep, errors_stated(quoted)
-    kept = _beside_base(problem, quoted, True)
+    kept = beside_base(problem, quoted, True)
     problem, whiten, base = kept[:3]
     law = _law(kept) if stated else None
     if law is not None:
@@ -246,7 +173,7 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[F
     own: Array = np.zeros_like(usable, float)
     if explanation:
         own = _own_error(problem, reference)
-        kept = _without_outliers(problem, quoted, explanation, reference, usable, True, own)
+        kept = without_outliers(problem, quoted, explanation, reference, usable, True, own)
     made = _errors_about(kept, explanation, base, own, budget, stated)
     return replace(made, known=described.known, to_trace_per_m=described.to_trace_per_m)
 
@@ -265,11 +192,11 @@ def prepare_about(
     """
     usable, stated = problem.keep, errors_stated(quoted)
     own = _own_error(problem, fit)
-    kept = _without_outliers(problem, quoted, explanation, fit, usable, True, own)
+    kept = without_outliers(problem, quoted, explanation, fit, usable, True, own)
     law = _law(kept) if stated else None
     if law is not None:
         again = replace(problem, keep=usable)
-        kept = _without_outliers(again, law, explanation, fit, usable, True, own)
+        kept = without_outliers(again, law, explanation, fit, usable, True, own)
     made = _errors_about(kept, explanation, kept.fit, own, budget, stated)
     return replace(made, doubted=law is not None)
 
@@ -310,15 +237,30 @@ def _errors_about(
         sigma = np.hypot(quoted_sigma, np.sqrt(factor**2 - 1) * total)
         whiten = Whitener(replace(whiten.noise, sigma=factor * total))
         reference = problem.fit(explanation, whiten, [reference.u])
-    still = _rich(problem, whiten, reference, with_time=False)
+    slope = budget.position_slope(problem.forward, reference.values)
+    excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
+    sigma = own_part(sigma, layout.common * np.clip(reference.prediction, 0, None))
+    plain = Noise(layout, sigma, reference.prediction, budget, slope)
+    still = rich_of(problem, whiten, reference, with_time=False)
     serial = Serial()
     if problem.keep.sum() - still.shape[1] > _SPARE_FOR_SERIAL:
-        serial = serial_correlation(reference.residual, still, problem.keep, layout, 1.0 if stated else None)
-    slope = budget.position_slope(problem.forward, reference.values)
-    plain = Noise(layout, sigma, reference.prediction, budget, slope)
+        rows = np.column_stack([still, reference.residual])
+        if not layout.one_channel and plain.of_moments:
+            # Bands that are off together are no evidence of so many scans that are alike.
+            rows = _apart(
+                replace(plain, budget=replace(budget, plane_gain=0.0)), problem.keep, whiten.coloured(rows)
+            )
+        expected = 1.0 if stated else None
+        serial = serial_correlation(rows[:, -1], rows[:, :-1], problem.keep, layout, expected)
     noise = with_response_error(problem, plain, lit)
-    excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
     return Prepared(problem, noise, serial, reference, explanation, stated, excess)
+
+
+def _apart(noise: Noise, keep: Array, columns: Array) -> Array:
+    """Whitened columns of the readings that are not left out; zeros elsewhere."""
+    out, kept = np.zeros_like(columns), keep > 0
+    out[kept] = Whitener(noise.subset(kept))(columns[kept])
+    return out
 
 
 def _law(kept: Kept) -> Array | None:

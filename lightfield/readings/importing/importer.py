@@ -16,7 +16,7 @@ from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.importing import places, provenance, reduction, saturation
 from lightfield.readings.importing.index import Entry, read_index
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.importing.replicates import BandValue, alike_in_bands, joined_rows, stays_of
+from lightfield.readings.importing.replicates import BandValue, joined_rows, stays_of
 from lightfield.readings.importing.request import Bands, check_meanings, has_places, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
@@ -105,9 +105,8 @@ def import_index(
     notes += provenance.doubts_of_files(sequence, darks, unit, flat)
     stays = stays_of(sequence)
     rows = joined_rows(stays, points, len(bands_nm))
-    stated = (budget or ErrorBudget()).plane_gain_percent or 0.0
-    alike = alike_in_bands(stays, points, len(bands_nm), stated)
-    notes += [alike] if alike else []
+    if flickering := [row["common_percent"] for row in rows if row["common_percent"] > 0]:
+        notes.append(LoadWarning(Remarks.COMMON_FLICKER, {"percent": float(np.median(flickering))}))
     restless = tuple(k for k, row in enumerate(rows, 1) if row["restless"])
     notes += [LoadWarning(Remarks.RESTLESS, {"readings": restless})] if restless else []
     single = provenance.single_spectra([row["n_spectra"] for row in rows], [row["stderr"] for row in rows])

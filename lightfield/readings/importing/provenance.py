@@ -40,6 +40,7 @@ def metadata_of(
     headers = {shot.entry.file: dict(shot.spectrum.header) for shot in shots}
     common = _common(list(headers.values()))
     about: dict[str, Any] = {"unit_in_files": unit, "notes": [str(note) for note in notes]}
+    about["remarks"] = [note.code.value for note in notes]
     if saturation_level is not None:
         about["saturation_level_in_files"] = float(saturation_level)
     return {

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import betaln, fdtrc, gammaln
+from scipy.special import betaln, digamma, fdtrc, gammaln
 
 from lightfield.arrays import Array, Mask
 
@@ -99,23 +99,32 @@ class _Noise:
         scale = float(np.median(self.own[some]))
         ratio, of, parts = self.own[some] / scale, self.of[some], self.parts[:, some]
 
-        def misfit(logs: Array) -> float:
-            expected = np.exp(logs[:3]) @ parts
-            density = _log_density(ratio / expected, of, float(np.exp(logs[3])))
-            return float(np.sum(np.log(expected) - density))
+        def misfit(logs: Array) -> tuple[float, Array]:
+            each = np.exp(logs[:3, None]) * parts
+            expected = each.sum(axis=0)
+            density, by_ratio, by_prior = _log_density(ratio / expected, of, float(np.exp(logs[3])))
+            by_expected = (1 + by_ratio) / expected
+            slope = np.append(each @ by_expected, -by_prior.sum())
+            return float(np.sum(np.log(expected) - density)), slope
 
         bounds = [(_NONE, 12.0)] * 3 + [(np.log(0.5), np.log(2 * _ONE_CURVE))]
         starts = [[*part, 3.0] for part in np.where(np.eye(3) > 0, 0.0, -8.0)]
-        fits = [minimize(misfit, start, method="L-BFGS-B", bounds=bounds) for start in starts]
+        fits = [minimize(misfit, start, jac=True, method="L-BFGS-B", bounds=bounds) for start in starts]
         best = min(fits, key=lambda one: float(one.fun)).x
         return float(np.exp(best[3])), scale * np.asarray(np.exp(best[:3]) @ self.parts)
 
 
-def _log_density(ratio: Array, of: Array, prior: float) -> Array:
-    """Of a sample variance over the curve's: chi-squared over its degrees of freedom, or F."""
+def _log_density(ratio: Array, of: Array, prior: float) -> tuple[Array, Array, Array]:
+    """Of a sample variance over the curve's: chi-squared over its degrees of freedom, or F.
+
+    And its slopes by the logarithms of ratio and prior; all of shape (n,).
+    """
     n, d = of / 2, prior / 2
     if prior > _ONE_CURVE:
-        return np.asarray(n * np.log(n) - gammaln(n) + (n - 1) * np.log(ratio) - n * ratio)
-    return np.asarray(
-        n * np.log(n / d) - betaln(n, d) + (n - 1) * np.log(ratio) - (n + d) * np.log1p(ratio * n / d)
-    )
+        density = n * np.log(n) - gammaln(n) + (n - 1) * np.log(ratio) - n * ratio
+        return density, (n - 1) - n * ratio, np.zeros_like(ratio)
+    part = ratio * n / d
+    density = n * np.log(n / d) - betaln(n, d) + (n - 1) * np.log(ratio) - (n + d) * np.log1p(part)
+    by_ratio = (n - 1) - (n + d) * part / (1 + part)
+    by_prior = d * (digamma(n + d) - digamma(d) - np.log1p(part)) - n + (n + d) * part / (1 + part)
+    return density, by_ratio, by_prior

@@ -8,13 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array, Mask
 from lightfield.readings.importing import provenance
 from lightfield.readings.importing.reduction import Shot
-from lightfield.readings.load_warning import LoadWarning, Remarks
-
-#: So many degrees of freedom tell what bands have in common, and so many errors of it are no chance.
-FEWEST, SIGMAS = 8, 3.0
 
 
 @dataclass(frozen=True)
@@ -79,84 +74,39 @@ def joined_rows(
 ) -> list[dict[str, Any]]:
     """One row for each stay and band.
 
-    Errors of the means are told by the scatter of the repeats, here and at all other places of the band
-    (`pooled_variance`); `restless` are those whose repeats are not like the others'.
+    Errors of the means are told by the scatter of the repeats, here and at all other places, and so is what
+    all bands share of them (`repeat_scatter`); `restless` are those whose repeats are not like the others'.
     """
-    errors = [_errors([[points[k, b] for k in stay.members] for stay in stays]) for b in range(n_bands)]
+    from lightfield.readings.importing.flicker import repeat_scatter  # brings SciPy
+
+    values = [np.array([[points[k, b].value for b in range(n_bands)] for k in s.members]) for s in stays]
+    exposures = np.array([points[stay.members[0], 0].shot.exposure_s for stay in stays])
+    scatter = repeat_scatter(values, exposures)
     return [
         {
-            **_row([points[k, b] for k in stay.members], errors[b][0][n]), "restless": bool(errors[b][1][n]),
-            "band": b, "repeat": stay.repeat, "visit": stay.visit,
+            **_row([points[k, b] for k in stay.members], *scatter.of(n, b)),
+            "restless": bool(scatter.restless[n, b]), "band": b, "repeat": stay.repeat, "visit": stay.visit,
         }
         for n, stay in enumerate(stays)
         for b in range(n_bands)
     ]  # fmt: skip
 
 
-def alike_in_bands(
-    stays: Sequence[Stay], points: dict[tuple[int, int], BandValue], n_bands: int, known_percent: float
-) -> LoadWarning | None:
-    """Says that repeats scatter alike in all bands, more than is said of a stay.
-
-    A lamp that flickers does so to a whole spectrum; the table has an error for every band by itself.
-
-    Parameters
-    ----------
-    known_percent : float, %
-        What the error budget says of a stay, common to its bands.
-    """
-    scatter, freedom, count = np.zeros((n_bands, n_bands)), 0, 0
-    every = [np.array([[points[k, b].value for b in range(n_bands)] for k in stay.members]) for stay in stays]
-    several = [values for values in every if len(values) > 1 and np.isfinite(values).all()]
-    if n_bands < 2 or not several:
-        return None
-    middle = np.median([values.mean() for values in several])
-    for values in several:  # the brighter half of them: the rest has other noise, too
-        mean = values.mean(axis=0)
-        if values.mean() >= middle and (mean > 0).all():
-            off = values / mean - 1
-            scatter, freedom, count = scatter + off.T @ off, freedom + len(values) - 1, count + 1
-    if freedom < FEWEST:
-        return None
-    alone = float(np.trace(scatter)) / n_bands / freedom
-    pairs = n_bands * (n_bands - 1)
-    common = float(scatter.sum() - np.trace(scatter)) / pairs / freedom
-    per_stay = freedom / count + 1
-    percent = 100 * float(np.sqrt(max(common, 0.0) / per_stay))
-    if common < SIGMAS * alone / np.sqrt(freedom) or percent <= known_percent:
-        return None
-    return LoadWarning(Remarks.ALIKE_IN_BANDS, {"percent": percent, "part": 100 * common / alone})
-
-
-def _errors(stays: Sequence[Sequence[BandValue]]) -> tuple[Array, Mask]:
-    """Standard errors of the means of one band, nan where none can be told, and which places are restless."""
-    from lightfield.readings.importing.repeat_noise import pooled_variance  # brings SciPy
-
-    own, mean, number = [], [], []
-    for points in stays:
-        values = np.array([p.value for p in points])
-        with np.errstate(over="ignore", invalid="ignore"):
-            differ = len(values) > 1 and np.ptp(values) > 0
-            own.append(float(values.var(ddof=1)) if differ else np.nan)
-            mean.append(float(values.mean()))
-        number.append(len(values))
-    exposures = np.array([points[0].shot.exposure_s for points in stays])
-    variance, restless = pooled_variance(np.array(mean), exposures, np.array(own), np.array(number))
-    # The dark's own error is common to the replicates, so averaging does not lessen it.
-    dark = [max(p.dark_error for p in points) for points in stays]
-    return np.hypot(np.sqrt(variance / np.array(number)), dark), restless
-
-
-def _row(points: Sequence[BandValue], stderr: float) -> dict[str, Any]:
+def _row(points: Sequence[BandValue], scatter: float, common: float) -> dict[str, Any]:
+    """Of one stay and band; `scatter` and `common`: standard deviation of a repeat, and its shared part."""
     shots = [p.shot for p in points]
     entry = shots[0].entry
     with np.errstate(over="ignore"):
         value = float(np.mean([p.value for p in points]))
         time_s = float(np.mean([shot.time_s for shot in shots]))
+    # The dark's own error is common to the replicates, so averaging does not lessen it.
+    stderr = np.hypot(scatter / np.sqrt(len(points)), max(p.dark_error for p in points))
+    shared = 100 * common / np.sqrt(len(points)) / abs(value) if common > 0 and value else np.nan
     return {
         "x_m": entry.x_m, "y_m": entry.y_m, "z_m": entry.z_m, "medium": entry.medium, "role": entry.role,
         "value": value,
         "stderr": float(stderr),
+        "common_percent": float(shared),
         "time_s": time_s,
         "integration_time_s": shots[0].exposure_s,
         "saturated": any(p.saturated for p in points),

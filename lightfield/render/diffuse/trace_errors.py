@@ -10,6 +10,7 @@ from scipy.linalg.lapack import dpstrf
 from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 from lightfield.render.diffuse.between_g import PassedOn
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.response.response import FROM_WALLS
@@ -154,7 +155,7 @@ def as_few(modes: Array) -> Array:
         return modes
     size = np.maximum(np.linalg.norm(modes, axis=1, keepdims=True), 1e-300)
     unit = modes / size
-    variance, directions = np.linalg.eigh(unit @ unit.T)
+    variance, directions = eigen(unit @ unit.T)
     return np.asarray(size * directions * np.sqrt(np.maximum(variance, 0.0)))
 
 

@@ -75,7 +75,7 @@ def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
     with panels(2, 3.8, narrow=narrow) as (fig, (upper, lower)):
         for k, colour in enumerate(chosen):
             shade = SERIES[k % len(SERIES)]
-            error = np.hypot(r.stderr[:, colour], r.stay_stderr[r.stay])
+            error = np.hypot(r.stderr[:, colour], r.shared_stderr)
             upper.errorbar(r.path_m, r.y[:, colour], error, color=shade, fmt="o", markersize=4)
             line = e.theta[colour, 0] - one.K_per_m[colour] * r.path_m
             upper.plot(r.path_m[order], line[order], color=shade, label=f"{r.wavelength_nm[colour]:g} nm")

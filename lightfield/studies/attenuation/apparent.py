@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array
-from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_p, stays
+from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_p
 from lightfield.studies.attenuation.ratios import Ratios
 
 #: What the paper states attenuation over.
@@ -84,7 +84,7 @@ class Apparent:
         window of index n, whose lamp stands in water in one medium and in air in the other, has n^2.
         """
         r = self.ratios
-        shared, path = r.stay_stderr[r.stay][:, None], r.path_m[:, None]
+        shared, path = r.shared_stderr[:, None], r.path_m[:, None]
         return -(r.y + r.geometry[:, None]) / path, np.hypot(r.stderr, shared) / path
 
     def dataset(self) -> xr.Dataset:
@@ -99,7 +99,7 @@ class Apparent:
             "attenuation_stderr": (colour, self.K_stderr, error, "m-1"),
             "attenuation_stderr_own": (colour, own, "the part of its own, independent", "m-1"),
             "attenuation_stderr_modes": (
-                (*colour, "stay"), estimate.modes[:, 1], "errors that all colours share", "m-1"
+                (*colour, "shared"), estimate.modes[:, 1], "errors that all colours share", "m-1"
             ),
             "percent_per_metre": (colour, per_metre[0], "light lost per metre", "percent"),
             "percent_per_metre_stderr": (colour, per_metre[1], error, "percent"),
@@ -130,5 +130,4 @@ def apparent_attenuation(ratios: Ratios) -> Apparent:
     """
     ones = np.ones_like(ratios.y)
     X = np.stack([ones, -ratios.path_m[:, None] * ones], axis=2)
-    H = stays(ratios.stay, len(ratios.stay_stderr))
-    return Apparent(ratios, Design(ratios.stderr, X, H, ratios.stay_stderr).estimate(ratios.y).widened())
+    return Apparent(ratios, Design(ratios.stderr, X, *ratios.shared).estimate(ratios.y).widened())

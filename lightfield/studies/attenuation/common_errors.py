@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 
 #: Of a colour's largest singular value, below which a combination of its parameters is not told.
 _TOLD = 1e-9
@@ -125,7 +126,7 @@ class Design:
         theta, beta, residual = self._solved(y)
         spread = np.zeros((len(beta), len(beta)))
         spread[np.ix_(self._some, self._some)] = self._spread
-        size, direction = np.linalg.eigh(spread)
+        size, direction = eigen(spread)
         root = direction * np.sqrt(np.clip(size, 0, None))
         chi2 = float((self._weight * residual**2).sum() + (self._precision * beta**2).sum())
         told = np.linalg.matrix_rank(self._normal, hermitian=True).sum()

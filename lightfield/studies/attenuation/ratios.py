@@ -3,7 +3,8 @@
     y = ln(I_water / I_air) - delta = alpha - K s + ln(1 + f) + beta + eps
 
 s is the path in water, delta what the scene's geometry and refraction change between the two media, alpha a
-constant per colour (gain, n^2 of the window), beta the error of a stay at a distance, common to all colours.
+constant per colour (gain, n^2 of the window), beta the errors that all colours have in common: of a stay at a
+distance, and of the spectra at a place (a lamp that flickers).
 """
 
 from __future__ import annotations
@@ -16,20 +17,26 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, WAVELENGTH_DECIMALS, layout_of
-from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE
+from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE, own_part
 from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
 from lightfield.formula.closed_form import direct_field, time_factor
 from lightfield.readings import Readings
+from lightfield.readings.load_warning import Remarks
 from lightfield.scene import Scene, Water
 from lightfield.scene.acts import IN_WATER
 from lightfield.scene.all_parameters import without
+from lightfield.studies.attenuation.common_errors import stays
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
 
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
 _FAINT_SIGMA = 12.0
+#: What `Ratios` holds of each place, beside its stay.
+_OF_PLACES = ("x_m", "y_m", "z_m", "path_m", "place_stderr", "geometry")
+#: What `import` remarks of darks, in the head of its table.
+_DARK_DOUBTS = {Remarks.NO_DARK.value, Remarks.LIT_DARK.value}
 #: Entry of a table's head.
 PUBLISHED = "published_attenuation"
 #: A slope needs so many distances.
@@ -51,7 +58,9 @@ class Ratios:
     stay : array of int, shape (n_places,)
         Distance at which each place was read: places of one share beta.
     stay_stderr : array, shape (n_stays,)
-        Standard error of beta.
+        Standard error of a stay.
+    place_stderr : array, shape (n_places,)
+        Standard error of the spectra of a place, beyond that of its stay and `stderr`.
     wavelength_nm : array, shape (n_colours,), nm
     y, stderr : array, shape (n_places, n_colours)
         NaN where a colour was not read in both media.
@@ -74,6 +83,7 @@ class Ratios:
     path_m: Array
     stay: NDArray[np.int_]
     stay_stderr: Array
+    place_stderr: Array
     wavelength_nm: Array
     y: Array
     stderr: Array
@@ -82,6 +92,23 @@ class Ratios:
     seen: Seen
     notes: tuple[Remark, ...] = ()
     published: tuple[tuple[float, float, float], ...] = ()
+
+    @property
+    def shared(self) -> tuple[Array, Array]:
+        """How errors that all colours share act on each place, shape (n_places, n_shared), and their size.
+
+        First those of stays, then those of places, if there are any.
+        """
+        H, size = stays(self.stay, len(self.stay_stderr)), self.stay_stderr
+        if self.place_stderr.any():
+            H = np.hstack([H, np.eye(len(self.place_stderr))])
+            size = np.concatenate([size, self.place_stderr])
+        return H, size
+
+    @property
+    def shared_stderr(self) -> Array:
+        """Standard error that all colours share, shape (n_places,)."""
+        return np.hypot(self.stay_stderr[self.stay], self.place_stderr)
 
 
 def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> Ratios:
@@ -119,6 +146,8 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     shape = (len(places), len(colours))
     light = (table.value - scene.detector.background) / time_factor(scene, table.time_s)
     relative, notes = _relative_errors(table, light, place * len(colours) + colour, air)
+    common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value / light)
+    relative = own_part(relative, common)
     x, y, z = places.T
     lossless = without(scene, IN_WATER)
     clear = direct_field(lossless, x, y, z)
@@ -126,17 +155,21 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     with np.errstate(invalid="ignore"):  # 0 / 0 where the receiver does not see the lamp: left out below
         path = np.log(clear / direct_field(thick, x, y, z))
     water, water_error = _means(light, relative, ~air, place, colour, shape)
+    together = [_means(light, common, ~air, place, colour, shape)]
     other: Array = clear[:, None] * np.ones(shape)
     other_error: Array = np.zeros(shape)
     geometry = np.zeros(len(places))
     if in_air:
         other, other_error = _means(light, relative, air, place, colour, shape)
+        together.append(_means(light, common, air, place, colour, shape))
         with np.errstate(invalid="ignore"):
             geometry = np.log(clear / direct_field(scene, x, y, z, medium=np.ones(len(places), bool)))
     bright = (
         (clear > 0)[:, None] & (water > _FAINT_SIGMA * water_error) & (other > _FAINT_SIGMA * other_error)
     )
     both = np.isfinite(water) & np.isfinite(other)
+    if _DARK_DOUBTS & {*readings.metadata.get("imported", {}).get("remarks", ())}:
+        notes.append(Remark(Studied.DARK_LEFT))
     if lost := int((both & ~bright).sum()):
         notes.append(Remark(Studied.FAINT, lost, int(both.sum()), _FAINT_SIGMA))
     if alone := int((np.isfinite(water) & ~np.isfinite(other)).sum()):
@@ -154,7 +187,7 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
         notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
     variance = _stay_variance(table, air, distances, budget.plane_gain, budget.position_m, in_air)
     found = Ratios(
-        scene, x, y, z, path, stay, np.sqrt(variance), colours[:, 0], ln, error,
+        scene, x, y, z, path, stay, np.sqrt(variance), _of_places(together), colours[:, 0], ln, error,
         geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
     )  # fmt: skip
     return _enough(found, where)
@@ -235,6 +268,22 @@ def _means(
     return mean.reshape(shape), error.reshape(shape)
 
 
+def _of_places(together: Sequence[tuple[Array, Array]]) -> Array:
+    """Error of ln(water / air) that the colours of a place share, shape (n_places,).
+
+    Parameters
+    ----------
+    together : sequence of (mean, error), shape (n_places, n_colours)
+        In each medium.
+    """
+    variance = np.zeros(len(together[0][0]))
+    for mean, error in together:
+        known = np.isfinite(mean) & (mean > 0)
+        part = np.where(known, error / np.where(known, mean, 1.0), 0.0) ** 2
+        variance += part.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    return np.sqrt(variance)
+
+
 def _stay_variance(
     table: Readings, air: NDArray[np.bool_], distances: Array, gain: float, position_m: float, in_air: bool
 ) -> Array:
@@ -269,7 +318,7 @@ def _enough(found: Ratios, where: str | None) -> Ratios:
     used, stay = np.unique(found.stay[places], return_inverse=True)
     return replace(
         found,
-        **{name: getattr(found, name)[places] for name in ("x_m", "y_m", "z_m", "path_m", "geometry")},
+        **{name: getattr(found, name)[places] for name in _OF_PLACES},
         stay=stay,
         stay_stderr=found.stay_stderr[used],
         wavelength_nm=found.wavelength_nm[keep],

@@ -21,6 +21,7 @@ class Studied(str, Enum):
     FEW_COLOURS = "few_colours"
     NO_CONSTITUENTS = "no_constituents"
     GROWS = "grows"
+    DARK_LEFT = "dark_left"
 
 
 @dataclass(frozen=True)
@@ -70,5 +71,7 @@ _WORDS = {
     Studied.GROWS: "at {count} of {among} wavelengths light in water grows with distance against its "
     "reference (K below zero by more than {limit:g} of its errors), which no water does: are water and air "
     "exchanged in the column medium, or distances?",
+    Studied.DARK_LEFT: "`import` found dark spectra missing, or with the lamp's light in them: a dark signal "
+    "that is left in the readings makes K too small far away",
     Studied.NO_CONSTITUENTS: "constituents were not looked for: {why}",
 }

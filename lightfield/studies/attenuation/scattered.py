@@ -18,7 +18,7 @@ from lightfield.arrays import Array
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.scene.water.water import Water
 from lightfield.studies.attenuation.apparent import Apparent
-from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, misfit_p, stays
+from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, misfit_p
 from lightfield.studies.attenuation.excess import Excess, excess_light
 from lightfield.studies.attenuation.ratios import Ratios
 
@@ -124,8 +124,7 @@ class Stack:
 
     def shared(self, traced: bool) -> tuple[Array, Array]:
         """H and errors of stays and, if asked for, of the traced light."""
-        blocks = [stays(t.stay, len(t.stay_stderr)) for t in self.tables]
-        errors = [t.stay_stderr for t in self.tables]
+        blocks, errors = (list(each) for each in zip(*(t.shared for t in self.tables), strict=True))
         if traced:
             blocks = [np.hstack([h, e.modes]) for h, e in zip(blocks, self.excess, strict=True)]
             errors = [

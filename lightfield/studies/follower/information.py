@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array, finite
+from lightfield.decompositions import eigen
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
@@ -288,7 +289,7 @@ def inverse(information: Array) -> Array:
     """Covariance from information; infinite variance, and no covariance, of what is not known."""
     told = np.diag(information) > LEAST_INFORMATION
     size = np.sqrt(np.where(told, np.diag(information), 1.0))
-    values, vectors = np.linalg.eigh(information * np.outer(told, told) / np.outer(size, size))
+    values, vectors = eigen(information * np.outer(told, told) / np.outer(size, size))
     known = values > LEAST_EIGENVALUE
     covariance = (vectors[:, known] / values[known]) @ vectors[:, known].T / np.outer(size, size)
     # What has a part in a direction that the readings do not tell is itself unknown.

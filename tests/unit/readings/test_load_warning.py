@@ -28,7 +28,7 @@ VALUES: dict[Remarks, dict[str, Value]] = {
     Remarks.MIXED_SETTINGS: {"setting": "smoothing", "found": ("boxcar 0", "boxcar 5")},
     Remarks.ODD_FILE: {"note": "the file ends within a line", "files": ("a.txt",)},
     Remarks.SINGLE_SPECTRA: {"single": (1, 2, 3), "equal": (9,)},
-    Remarks.ALIKE_IN_BANDS: {"percent": 0.17, "part": 82.0},
+    Remarks.COMMON_FLICKER: {"percent": 0.17},
     Remarks.RESTLESS: {"readings": (4, 17)},
     Remarks.UNDIVIDED: {"shortest_s": 0.1, "longest_s": 0.4},
 }

@@ -53,6 +53,14 @@ def table(
     return Readings.from_arrays(z_m=z, value=value, **{**columns, **budget, **given})
 
 
+@pytest.mark.parametrize(
+    ("remarks", "said"), [(["no_dark"], 1), (["lit_dark"], 1), (["restless"], 0), ([], 0)]
+)
+def test_what_import_said_of_darks_is_said_again(remarks: list[str], said: int) -> None:
+    notes = ratios_of(table(scene(), metadata={"imported": {"remarks": remarks}}), scene()).notes
+    assert sum(note.studied is Studied.DARK_LEFT for note in notes) == said
+
+
 def test_it_is_the_loss_of_the_direct_light() -> None:
     found = attenuation(table(scene()), scene()).apparent[0]
     assert found.K_per_m == pytest.approx(truth_per_m(), abs=1e-7)

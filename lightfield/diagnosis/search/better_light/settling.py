@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import PHOTONS, ratio_at, scatters, with_light
@@ -169,10 +170,10 @@ def _widened(now: Settled) -> float:
     if modes is not None and modes.size:
         white = now.whiten(modes)
         if white.shape[1] < len(white):
-            known, directions = np.linalg.eigh(white.T @ white)
+            known, directions = eigen(white.T @ white)
             seen = directions.T @ (white.T @ unit)
         else:  # more photons' modes than readings: the same from the other side
-            known, directions = np.linalg.eigh(white @ white.T)
+            known, directions = eigen(white @ white.T)
             seen = np.sqrt(np.maximum(known, 0.0))[:, None] * (directions.T @ unit)
         information += seen.T @ (seen / (1 - np.minimum(known, _ALL_PHOTONS))[:, None])
     without = np.diag(np.linalg.pinv(information, rcond=_SINGULAR, hermitian=True)) / norm[free] ** 2

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import own_whitener
@@ -125,10 +126,10 @@ def _covariance(problem: Problem, own: Whitener, fit: Fit) -> Array:
     by_noise = np.array([[np.vdot(a, b) for b in slopes] for a in slopes])
     by_noise -= np.array([[np.vdot(a, b) for b in told] for a in told])
     # In coordinates in which the apparent information is one; what it does not tell is left out, as in `Fit`.
-    known, directions = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
+    known, directions = eigen((jacobian / size).T @ (jacobian / size))
     seen = known > _SINGULAR * known.max(initial=0.0)
     inverse = directions[:, seen] / np.sqrt(known[seen])
-    share, axes = np.linalg.eigh(inverse.T @ (by_noise / np.outer(size, size)) @ inverse)
+    share, axes = eigen(inverse.T @ (by_noise / np.outer(size, size)) @ inverse)
     left = np.maximum(1 - share, _LEAST_TOLD)
     to = (inverse @ axes) / left / size[:, None]
     out = np.full((len(parameters), len(parameters)), np.nan)

@@ -17,7 +17,7 @@ from lightfield.diagnosis.adequacy.slips import LEVEL, structure
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget
-from lightfield.diagnosis.search import preparation
+from lightfield.diagnosis.search import kept_readings, preparation
 from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
 
 RATE = 0.02
@@ -209,7 +209,7 @@ def test_a_reading_that_the_fit_meets_is_not_set_aside(monkeypatch) -> None:
     value[neighbour] = toy.base[neighbour]
     problem = toy.with_value(value)
     both = np.isin(np.arange(lay.size), [slip, neighbour])
-    monkeypatch.setattr(preparation, "outliers", lambda residual, basis, keep: both & (keep > 0))
+    monkeypatch.setattr(kept_readings, "outliers", lambda residual, basis, keep: both & (keep > 0))
     prepared = preparation.prepare_problem(
         problem, toy.sigma, Budget(0.0, 0.0, 0.0), np.random.default_rng(0)
     )

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from lightfield.diagnosis.adequacy.subspace import combined, orthonormal, thin_svd
+from lightfield.diagnosis.adequacy.subspace import combined, orthonormal
 
 
 def nearly_parallel(n: int = 630, k: int = 120) -> np.ndarray:
@@ -14,17 +13,8 @@ def nearly_parallel(n: int = 630, k: int = 120) -> np.ndarray:
     return rng.random((n, 1)) + 1e-7 * rng.standard_normal((n, k))
 
 
-def test_a_driver_that_does_not_converge_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_direction_of_nearly_parallel_columns_is_left() -> None:
     columns = nearly_parallel()
-    expected = np.linalg.svd(columns, full_matrices=False)[1]
-
-    def fails(*_: object, **__: object) -> None:
-        raise np.linalg.LinAlgError("SVD did not converge")
-
-    monkeypatch.setattr(np.linalg, "svd", fails)
-    u, s, vt = thin_svd(columns)
-    np.testing.assert_allclose(s, expected, rtol=1e-9, atol=1e-15 * expected[0])
-    np.testing.assert_allclose(u * s @ vt, columns, atol=1e-12)
     basis = orthonormal(columns)
     assert basis.shape == (630, 1)
 

@@ -30,6 +30,7 @@ def layout(n: int, rng: np.random.Generator, stays: int = 3, channels: int = 2, 
     return Layout(
         *places, time, np.where(channel, 500.0, 600.0), air, channel,
         rng.integers(0, 4, n), rng.integers(0, stays, n), np.lexsort((time, channel)), time,
+        np.unique(time, return_inverse=True)[1], 0.01 * ties * np.random.default_rng(n).random(n),
     )  # fmt: skip
 
 
@@ -203,7 +204,7 @@ def test_whitening_many_readings_takes_little_memory() -> None:
     place = np.arange(n)
     lay = Layout(
         x, np.zeros(n), z, 20.0 * place, np.full(n, 525.0), np.zeros(n, bool), 0 * place, place // 1000,
-        place // 50, place, place.astype(float),
+        place // 50, place, place.astype(float), place, np.zeros(n),
     )  # fmt: skip
     noise = Noise(lay, np.full(n, 0.01), np.ones(n), Budget(0.003, 0.0, 0.0), np.zeros(n))
     tracemalloc.start()

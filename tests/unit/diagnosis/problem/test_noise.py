@@ -32,6 +32,7 @@ def layout(n_planes: int = 5, n_x: int = 21, order: str = "plane"):
         SimpleNamespace(
             x_m=x, y_m=np.zeros(n), z_m=z, time_s=time, wavelength_nm=np.full(n, 525.0),
             medium=np.full(n, "water"), visit=np.full(n, np.nan),
+            repeat=np.full(n, np.nan), common_percent=np.full(n, np.nan),
         )
     )  # fmt: skip
 
@@ -92,6 +93,7 @@ def test_bands_of_one_moment_share_the_error_of_their_place() -> None:
             SimpleNamespace(
                 x_m=x, y_m=zero, z_m=zero + 4.5, time_s=time, wavelength_nm=wavelengths,
                 medium=np.full(12, "water"), visit=zero + np.nan,
+                repeat=zero + np.nan, common_percent=zero + np.nan,
             )
         )  # fmt: skip
         return Noise(lay, zero + 0.01, zero, Budget(0.0, stage_m, 0.0), slope).extra(0.0)

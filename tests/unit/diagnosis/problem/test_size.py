@@ -46,6 +46,7 @@ def test_many_channels_of_one_distance_are_not_those_of_the_next() -> None:
         SimpleNamespace(
             x_m=np.zeros(n), y_m=np.zeros(n), z_m=z, time_s=np.full(n, np.nan), wavelength_nm=wavelength,
             medium=np.full(n, "water"), visit=np.full(n, np.nan),
+            repeat=np.full(n, np.nan), common_percent=np.full(n, np.nan),
         )
     )  # fmt: skip
     value = np.where(z < 4.5, 1.0, 0.01)

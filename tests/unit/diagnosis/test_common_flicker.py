@@ -1,0 +1,81 @@
+"""Several bands of one spectrum, off together by a lamp that flickers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+from lightfield.studies.attenuation.apparent import apparent_attenuation
+from lightfield.studies.attenuation.ratios import ratios_of
+
+BANDS_NM = np.array([485.0, 505.0, 525.0, 545.0, 565.0])
+K_PER_M = 0.05 + 0.0009 * (BANDS_NM - 470)
+#: Standard errors over the reading: of a spectrum, and of each band by itself.
+COMMON, OWN = 0.002, 0.0006
+
+
+def scene() -> Scene:
+    return Scene.from_dict(
+        {
+            "lamp": {"hwhm_deg": 6.0},
+            "water": {"absorption_per_m": 0.1},
+            "tank": None,
+            "detector": {"bands_nm": [[480.0, 570.0]]},
+        }
+    )
+
+
+def readings(seed: int, stated: bool = True) -> Readings:
+    """Five lines across the beam, in random order, by inverse square, Gaussian beam and Beer-Lambert."""
+    rng = np.random.default_rng(seed)
+    grid = np.meshgrid([3.0, 4, 5, 6, 7, 8], [-0.4, -0.2, 0, 0.2, 0.4])
+    z, x = np.stack([each.ravel() for each in grid])[:, rng.permutation(30)]
+    r = np.hypot(x, z)
+    beam = np.exp(-np.log(2) * (np.degrees(np.arctan2(np.abs(x), z)) / 6) ** 2) * z / r**3
+    light = beam[:, None] * np.exp(-K_PER_M * r[:, None])
+    flicker = COMMON * rng.standard_normal((len(z), 1))
+    value = light * (1 + flicker + OWN * rng.standard_normal(light.shape))
+    return Readings.from_arrays(
+        x_m=np.repeat(x, 5), z_m=np.repeat(z, 5), wavelength_nm=np.tile(BANDS_NM, len(z)),
+        value=value.ravel(),
+        stderr=np.hypot(COMMON, OWN) * light.ravel(), time_s=np.repeat(60.0 * np.arange(len(z)), 5),
+        common_percent=100 * COMMON if stated else None, plane_gain_percent=0.0, position_mm=0.0,
+        quantity="irradiance",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_all_bands_share_is_no_effect(seed: int) -> None:
+    verdict = diagnose(readings(seed), scene(), diffuse=None).verdict
+    assert verdict.verdict == "none" and verdict.serial_correlation < 0.35
+
+
+def test_the_mean_attenuation_over_bands_knows_what_they_share() -> None:
+    """Squared pulls of 200 tables: one, and the squared ratio of the errors where it is not stated."""
+
+    def pull(seed: int, stated: bool) -> float:
+        K, error = apparent_attenuation(ratios_of(readings(seed, stated), scene())).mean()
+        return (K - float(K_PER_M.mean())) / error
+
+    for stated, least, most in ((True, 0.75, 1.25), (False, 2.0, 6.0)):
+        assert least < np.mean([pull(seed, stated) ** 2 for seed in range(200)]) < most
+
+
+def test_a_spectrum_is_one_place_time_and_repeat() -> None:
+    table = readings(0)
+    layout = layout_of(table)
+    assert (layout.spectrum.reshape(-1, 5) == layout.spectrum[::5, None]).all()
+    assert len(np.unique(layout.spectrum)) == len(table) // 5
+    twice = Readings.from_arrays(
+        z_m=[1.0] * 4,
+        wavelength_nm=[500.0, 510.0] * 2,
+        value=[1.0] * 4,
+        repeat=[0, 0, 1, 1],
+        common_percent=1.0,
+    )
+    label = layout_of(twice).spectrum
+    assert label[0] == label[1] != label[2] == label[3]
