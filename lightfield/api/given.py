@@ -119,6 +119,9 @@ def _broken_path(kinds: tuple[object, ...], value: object) -> str | None:
     several = Readings in kinds and Scene in kinds  # which of them it is, the function says
     if several or isinstance(value, (str, PathLike)):
         return None
+    one = tuple(kind for kind in kinds if get_origin(kind) is not Sequence)
+    if len(one) < len(kinds) and _is_list(value):
+        return next(filter(None, (_broken_path(one, each) for each in _listed(value))), None)
     for kind, rule in (
         (Readings, "readings as `load` gives them, or the path of a file"),
         (Scene, "a Scene, or the path of its file"),

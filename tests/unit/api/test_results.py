@@ -47,7 +47,7 @@ def answers(table, diagnosis, maps):
     follower = SCENES / "leader_follower" / "clear.toml"
     ranged = lf.range(scene, trace=False)
     banded = lf.band(tank / "spectra.toml", trace=False, width=100.0, between=(450.0, 650.0))
-    water = lf.attenuation(tank / "spectra.csv", tank / "spectra.toml", trace=False)
+    water = lf.attenuation([tank / "spectra.csv"], [tank / "spectra.toml"], trace=False)
     surveyed = lf.array.show(follower, trace=False)
     arrays = lf.array.compare(follower, {"flat": follower.with_name("flat.toml")}, trace=False)
     return {
