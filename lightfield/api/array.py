@@ -30,7 +30,12 @@ Medium = Literal["water", "air"]
 
 
 def asked(
-    scene: Scene | AnyPath, half_width: float, medium: Medium, max_photons: float, seed: int, trace: bool
+    scene: Scene | AnyPath,
+    half_width: float = HALF_WIDTH_M,
+    medium: Medium = "water",
+    max_photons: float = PHOTONS,
+    seed: int = 0,
+    trace: bool = True,
 ) -> tuple[Scene, dict[str, Any]]:
     """A scene, and where the follower may be and how its light is traced, as the studies take it."""
     known = scene_of(scene)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from contextlib import nullcontext
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,6 @@ from lightfield.commands._progress import progress_of
 from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
-from lightfield.render.limits import SEED
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -85,21 +83,15 @@ def _page(report: FitReport, args: argparse.Namespace) -> Path:
 def _fit(
     readings: Readings, scene: Scene, names: list[str], options: dict[str, Any], args: argparse.Namespace
 ) -> int:
-    from lightfield.studies.compare.readings import fit_readings
-    from lightfield.studies.compare.text import as_data, as_text
+    from lightfield.api.light.compare import compare
 
-    if "seed" in options:
-        # Seed 0 is that of the response which the render is to check.
-        options["seed"] = options["seed"] % int(SEED.high) + 1
-    source = None
-    if not args.no_trace:
-        from lightfield.render.diffuse.directed import Keeper
-        from lightfield.render.diffuse.source import response_for
-
-        source = partial(response_for, keeper=Keeper(not args.no_cache))
     with progress_of("compare"):
-        report = fit_readings(readings, scene, names, solver=args.solver, diffuse=source, tracing=options)
-    print(as_text(report))
+        fit = compare(
+            readings, scene, with_=names, solver=args.solver, trace=not args.no_trace,
+            cache=not args.no_cache, **options,
+        )  # fmt: skip
+    print(fit.as_text())
+    report = fit.details
     if args.output:
         command = f"compare {args.what.name} --scene {args.scene.name}"
         if names:
@@ -111,5 +103,5 @@ def _fit(
         print(f"stored: {report.save(args.output, command)}")
         print(_page(report, args))
     if args.fit_json:
-        write_json(as_data(report), args.fit_json)
+        write_json(fit.as_data(), args.fit_json)
     return 0

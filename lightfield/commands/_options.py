@@ -13,8 +13,6 @@ if TYPE_CHECKING:
     from argparse import Namespace, _ActionsContainer
     from typing import Any
 
-    from lightfield.fitting.diffuse_light import DiffuseSource
-
 
 def seed_number(text: str) -> int:
     """Seed of random numbers."""
@@ -109,15 +107,6 @@ def effects_asked(args: Namespace) -> list[str]:
     if names := [one.strip() for one in args.effects.split(",") if one.strip()]:
         return names
     raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
-
-
-def trace_asked(args: Namespace) -> DiffuseSource | None:
-    """What gives scattered and reflected light; None with `--no-trace`."""
-    if args.no_trace:
-        return None
-    from lightfield.render.diffuse.source import response_for
-
-    return response_for
 
 
 def add_tracing(parser: _ActionsContainer, rel_error: float, max_photons: float) -> None:

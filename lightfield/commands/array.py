@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
-from lightfield.commands._options import add_answer
+from lightfield.commands._follower import add_space, space_asked
+from lightfield.commands._options import add_answer, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -62,24 +62,22 @@ def _common(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
-    scene = scene_asked(args)
+    scene = Scene.load(args.scene)
     outputs_of(args, args.scene, *getattr(args, "others", ()), also=getattr(args, "table", None))
     tasks = {"show": _show, "compare": _compare, "optimise": _optimise}
     return tasks[args.task_name](scene, args)
 
 
 def _show(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.api.array import Survey
-    from lightfield.studies.follower.survey import survey
+    from lightfield.api.array import show
 
     with progress_of("array"):
-        found = survey(scene, space_of(scene, args), photons=photons_of(args), seed=args.seed or 0)
-    return answered(args, Survey(found))
+        answer = show(scene, **space_asked(args))
+    return answered(args, answer)
 
 
 def _compare(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.api.array import Arrays
-    from lightfield.studies.follower.design import compare_arrays
+    from lightfield.api.array import compare
 
     others: dict[str, Scene] = {}
     for path in args.others:
@@ -91,15 +89,13 @@ def _compare(scene: Scene, args: argparse.Namespace) -> int:
                 rule="every scene has a name of its own", remedy="change the name in one of them",
             )  # fmt: skip
         others[name] = other
-    space = space_of(scene, args)
     with progress_of("array"):
-        found = compare_arrays(scene, others, space, args.task, photons=photons_of(args), seed=args.seed or 0)
-    return answered(args, Arrays(found))
+        answer = compare(scene, others, task=args.task, **space_asked(args))
+    return answered(args, answer)
 
 
 def _optimise(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.api.array import Arrays
-    from lightfield.studies.follower.design import Mounting, optimise_array
+    from lightfield.api.array import optimise
 
     for name, value, low, high in (
         ("--elements", args.elements, 2, 200),
@@ -110,17 +106,11 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
         if not low <= value <= high:
             raise UsageError("impossible value", where=name, found=value, rule=f"{low:g} to {high:g}")
     with progress_of("array"):
-        found = optimise_array(
-            scene,
-            args.elements,
-            Mounting(args.box, args.tilt_max, args.spacing),
-            task=args.task,
-            space=space_of(scene, args),
-            photons=photons_of(args),
-            seed=args.seed or 0,
+        answer = optimise(
+            scene, **given(args, "elements", "box", "tilt_max", "spacing", "task"), **space_asked(args)
         )
     if args.table:
-        best = next(one for one in found.arrays if one.name == BEST)
+        best = next(one for one in answer.details.arrays if one.name == BEST)
         with atomic_path(args.table) as temporary:
             temporary.write_text(best.elements.as_csv(), encoding="utf-8")
-    return answered(args, Arrays(found))
+    return answered(args, answer)

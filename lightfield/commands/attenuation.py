@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import outputs_of, show_answer, show_page
-from lightfield.commands._options import add_answer, add_option, trace_asked
+from lightfield.commands._options import add_answer, add_option
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
@@ -48,17 +48,15 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
     tables = [read_table(path) for path in args.readings]
     outputs_of(args, *args.readings, *args.scene, also=args.output)
-    from lightfield.api.attenuation import Attenuation
-    from lightfield.studies.attenuation.study import attenuation
+    from lightfield.api.attenuation import attenuation
 
     in_air = True if args.air else False if args.no_air else None
     with progress_of("attenuation"):
-        found = attenuation(tables, scenes, trace_asked(args), in_air)
-    answer = Attenuation(found)
+        answer = attenuation(tables, scenes, air=in_air, trace=not args.no_trace)
     show_answer(args, answer)
     if args.output:
         from lightfield.maps.dataset import write_netcdf
 
-        print(write_netcdf(found.apparent[0].dataset(), args.output))
+        print(write_netcdf(answer.to_xarray(), args.output))
     show_page(args, answer)
     return 0

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._options import add_answer, add_option, add_tracing, given
+from lightfield.commands._options import TRACING, add_answer, add_option, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -49,17 +49,13 @@ def run(args: argparse.Namespace) -> int:
     if len(between) != 2:
         raise UsageError("not a range", where="--between", found=args.between, rule="LOW:HIGH in nm")
     outputs_of(args, args.scene, args.response)
-    from lightfield.api.band import Band
-    from lightfield.studies.band.study import CountNoise, best_band
+    from lightfield.api.band import band
 
-    noise = CountNoise(args.electrons, args.read_noise, args.mismatch)
+    low, high = between
+    options = given(args, *TRACING, "width", "response", "electrons", "read_noise", "mismatch")
     with progress_of("band"):
-        found = best_band(
-            scene, not args.no_trace, noise, distances_m=distances, width_nm=args.width, low_nm=between[0],
-            high_nm=between[1], response=None if args.response is None else str(args.response),
-            **(DEFAULTS | given(args)),
-        )  # fmt: skip
-    return answered(args, Band(found))
+        answer = band(scene, distances=distances, between=(low, high), trace=not args.no_trace, **options)
+    return answered(args, answer)
 
 
 def _numbers(text: str, separator: str, where: str) -> list[float]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from lightfield.commands import _compare_readings, _tracing
+from lightfield.commands._answer import write_json
 from lightfield.commands._console import console
 from lightfield.commands._options import given
 from lightfield.errors import UsageError
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, locked_folder
+from lightfield.storage.files import locked_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,10 +94,7 @@ def _report(dataset: object, folder: Path) -> int:
     for wavelength in comparison.wavelengths_nm:
         output.print(terminal_table(comparison, wavelength))
     output.print(as_text(comparison), highlight=False)
-    with atomic_path(folder / "compare.json") as temporary:
-        temporary.write_text(
-            json.dumps(comparison.as_data(), indent=2, allow_nan=False) + "\n", encoding="utf-8"
-        )
+    write_json(comparison.as_data(), folder / "compare.json")
     page, *_ = write_comparison(comparison, dataset.attrs, folder)
     write_layers(comparison, folder)
     print(page)

@@ -8,7 +8,6 @@ from pathlib import Path
 
 from lightfield.commands._options import add_option, assignment, given
 from lightfield.commands._progress import progress_of
-from lightfield.experiments.layouts import layout_named
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
@@ -82,22 +81,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> int:
-    from lightfield.experiments.hide import WRITTEN, Secret, hide, replaced_in
-    from lightfield.experiments.measure import Instrument
+    from lightfield.api.hide import hide
+    from lightfield.experiments.hide import WRITTEN, replaced_in
 
     for name in WRITTEN:
         output_file(args.output / name, args.scene, *([args.effects_file] if args.effects_file else []))
     replaced = replaced_in(args.output)
     with progress_of("hide"):
         made = hide(
-            scene,
-            Secret(args.effect, args.strength, values, args.lamp),
-            args.seed or 0,
-            Instrument(args.noise, plane_gain=args.plane_gain / 100, position_m=args.position / 1000),
-            layout=layout_named(args.layout, scene),
-            order="plane" if args.plane_order else "random",
-            **given(args, "max_photons"),
-        )
+            scene, size=values,
+            **given(
+                args, "effect", "lamp", "strength", "seed", "layout", "noise", "plane_gain", "position",
+                "plane_order", "max_photons",
+            ),
+        ).details  # fmt: skip
     # A file of effects is given again where one looks for them: the scene tells nothing of what was hidden.
     plain = made.believed.model_copy(update={"effect": Scene.load(args.scene).effect})
     folder = replace(made, believed=plain).save(args.output)

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import argparse
 
+from lightfield.api.given import import_
+from lightfield.commands._options import given
 from lightfield.errors import UsageError
-from lightfield.readings import ErrorBudget, write_table
+from lightfield.readings import write_table
 from lightfield.readings.importing import places
-from lightfield.readings.importing.importer import import_index
 from lightfield.storage.files import output_file
+
+#: What the instrument's files do not say.
+STATED = (
+    "quantity", "units", "saturation_level", "plane_gain_percent", "position_mm", "tolerance_percent",
+    "outlier_percent", "calibration_percent",
+)  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,20 +65,11 @@ def run(args: argparse.Namespace) -> int:
     if not args.output:
         raise UsageError("no output file", remedy="say where to write the reading table with -o READINGS.csv")
     output_file(args.output, args.index)
-    readings = import_index(
+    readings = import_(
         args.index,
-        quantity=args.quantity,
-        units=args.units,
-        bands_nm=[_band(text) for text in args.band],
-        saturation_level=args.saturation_level,
-        columns=dict(_column(text) for text in args.column) or None,
-        budget=ErrorBudget(
-            args.plane_gain_percent,
-            args.position_mm,
-            args.tolerance_percent,
-            args.outlier_percent,
-            calibration_percent=args.calibration_percent,
-        ),
+        column=dict(_column(text) for text in args.column),
+        band=[_band(text) for text in args.band],
+        **given(args, *STATED),
     )
     write_table(readings, args.output)
     files = len(readings.metadata["instrument"]["files"])

@@ -6,20 +6,20 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._options import add_answer, add_tracing, given
+from lightfield.commands._options import TRACING, add_answer, add_tracing, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 
 DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
-#: Options of the receiver: name, field, help.
+#: Options of the receiver: name, default, unit, help.
 RECEIVER = (
-    ("--area", "area_mm2", "MM2", "of the photodiode, mm² (default {:g})"),
-    ("--responsivity", "responsivity_a_per_w", "A/W", "of the photodiode, mean over the band (default {:g})"),
-    ("--amplifier-noise", "noise_a_per_sqrt_hz", "A", "A per root Hz at the input (default {:g})"),
-    ("--background", "background_a", "A", "photocurrent of ambient light and dark current (default {:g})"),
-    ("--bit-rate", "bit_rate_per_s", "N", "bits per second (default {:g})"),
-    ("--ber", "ber", "P", "errors per bit that are accepted (default {:g})"),
+    ("area", 13.0, "MM2", "of the photodiode, mm²"),
+    ("responsivity", 0.25, "A/W", "of the photodiode, mean over the band"),
+    ("amplifier_noise", 5e-12, "A", "A per root Hz at the input"),
+    ("background", 0.0, "A", "photocurrent of ambient light and dark current"),
+    ("bit_rate", 1e6, "N", "bits per second"),
+    ("ber", 1e-6, "P", "errors per bit that are accepted"),
 )
 
 
@@ -31,15 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SCENE",
         help="scene file (TOML); a tank is left out, the lamp counts in its first band",
     )
-    defaults = {
-        "area_mm2": 13.0, "responsivity_a_per_w": 0.25, "noise_a_per_sqrt_hz": 5e-12, "background_a": 0.0,
-        "bit_rate_per_s": 1e6, "ber": 1e-6,
-    }  # fmt: skip
     group = parser.add_argument_group("receiver")
-    for option, field, metavar, text in RECEIVER:
+    for name, default, metavar, text in RECEIVER:
         group.add_argument(
-            option, dest=field, type=float, default=defaults[field], metavar=metavar,
-            help=text.format(defaults[field]),
+            f"--{name.replace('_', '-')}", type=float, default=default, metavar=metavar,
+            help=f"{text} (default {default:g})",
         )  # fmt: skip
     parser.add_argument(
         "--water", action="append", default=[], metavar="NAME=A,B",
@@ -58,14 +54,12 @@ def run(args: argparse.Namespace) -> int:
     scene = Scene.load(args.scene)
     waters = _waters(args.water) or None
     outputs_of(args, args.scene)
-    from lightfield.api.link import Link
-    from lightfield.studies.link.receiver import Receiver
-    from lightfield.studies.link.study import link
+    from lightfield.api.link import link
 
-    receiver = Receiver(**{field: getattr(args, field) for _, field, *_ in RECEIVER})
+    options = given(args, *TRACING, *(name for name, *_ in RECEIVER))
     with progress_of("link"):
-        found = link(scene, receiver, waters=waters, to_m=args.to, **(DEFAULTS | given(args)))
-    return answered(args, Link(found))
+        answer = link(scene, water=waters, to=args.to, **options)
+    return answered(args, answer)
 
 
 def _waters(texts: list[str]) -> dict[str, tuple[float, float]]:

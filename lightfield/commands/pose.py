@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._follower import add_space, photons_of, scene_asked, space_of
+from lightfield.commands._follower import add_space, space_asked
 from lightfield.commands._options import add_answer
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
@@ -34,41 +34,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
-    scene = scene_asked(args)
+    scene = Scene.load(args.scene)
     return _estimate(scene, args) if args.task_name == "estimate" else _bias(scene, args)
 
 
 def _estimate(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.api.pose import Poses
-    from lightfield.studies.follower.sequence import poses_of
+    from lightfield.api.pose import estimate
 
     outputs_of(args, args.scene, args.readings)
     with progress_of("pose"):
-        found = poses_of(
-            args.readings,
-            scene,
-            space_of(scene, args),
-            filtered=args.filter,
-            photons=photons_of(args),
-            seed=args.seed or 0,
-        )
-    return answered(args, Poses(found))
+        answer = estimate(args.readings, scene, filter=args.filter, **space_asked(args))
+    return answered(args, answer)
 
 
 def _bias(scene: Scene, args: argparse.Namespace) -> int:
-    from lightfield.api.pose import Bias
-    from lightfield.studies.follower.bias import SCATTERING_PER_M, bias_study
+    from lightfield.api.pose import bias
 
     outputs_of(args, args.scene)
-    usual = SCATTERING_PER_M if args.medium == "water" else (0.0,)
-    waters = usual if args.scattering is None else _numbers(args.scattering)
-    if args.medium == "air" and any(waters):
+    waters = None if args.scattering is None else _numbers(args.scattering)
+    if args.medium == "air" and any(waters or ()):
         raise UsageError("air does not scatter", where="--scattering", found=args.scattering, rule="water")
     with progress_of("pose"):
-        found = bias_study(
-            scene, space_of(scene, args), waters, photons=photons_of(args), seed=args.seed or 0
-        )
-    return answered(args, Bias(found))
+        answer = bias(scene, scattering=waters, **space_asked(args))
+    return answered(args, answer)
 
 
 def _numbers(text: str) -> tuple[float, ...]:

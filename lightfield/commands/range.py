@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._options import add_answer, add_option, trace_asked
+from lightfield.commands._options import add_answer, add_option, given
 from lightfield.commands._progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
@@ -52,15 +52,9 @@ def run(args: argparse.Namespace) -> int:
         )
     readings = read_table(args.readings, scene) if args.readings else None
     outputs_of(args, args.scene, args.readings)
-    from lightfield.api.working_range import Range
-    from lightfield.studies.working_range.poses import with_array
-    from lightfield.studies.working_range.study import working_range
+    from lightfield.api.working_range import range as working_range
 
-    scene = with_array(scene, args.array, args.array_side, args.array_radius)
+    options = given(args, "share", "noise", "snr", "to", "array", "array_side", "array_radius", "max_photons")
     with progress_of("range"):
-        found = working_range(
-            scene, trace_asked(args), readings,
-            share=args.share, noise=args.noise, snr=args.snr, to_m=args.to,
-            **({} if args.max_photons is None else {"photons": args.max_photons}),
-        )  # fmt: skip
-    return answered(args, Range(found))
+        answer = working_range(scene, readings=readings, trace=not args.no_trace, **options)
+    return answered(args, answer)

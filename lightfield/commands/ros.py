@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import add_space, photons_of, space_of
-from lightfield.scene import Scene
+from lightfield.commands._follower import add_space, space_asked
 from lightfield.studies.follower.elements import elements_of
 
 
@@ -21,18 +20,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Trace once, then answer every sample until interrupted."""
-    scene = Scene.load(args.scene)
-    photons = photons_of(args)
+    from lightfield.api.array import asked
     from lightfield.robots.ros import Bridge, ros
     from lightfield.robots.ros import spin as spin
     from lightfield.studies.follower.array_light import light_of
     from lightfield.studies.follower.pose import Estimator
     from lightfield.studies.follower.survey import array_of
 
-    array, space = array_of(scene), space_of(scene, args)
+    scene, where = asked(args.scene, **space_asked(args))
+    array = array_of(scene)
     ros()  # before the work of a trace
-    light = light_of(scene, space, elements_of(array), photons=photons, seed=args.seed or 0)
-    bridge = Bridge(Estimator.of_scene(scene, light, space), array.gain)
+    light = light_of(scene, elements=elements_of(array), **where)
+    bridge = Bridge(Estimator.of_scene(scene, light, where["space"]), array.gain)
     print(f"listening on array/readings, {len(bridge.estimator.model.elements)} elements, frame {args.frame}")
     spin(bridge, args.frame)
     return 0

@@ -16,6 +16,7 @@ from lightfield.api.result import Result
 from lightfield.errors import UsageError
 from lightfield.maps.dataset import lacking
 from lightfield.readings import Readings
+from lightfield.render.limits import SEED
 from lightfield.scene import Scene
 from lightfield.studies.compare import maps as comparing
 from lightfield.studies.compare import readings as fitting
@@ -218,7 +219,7 @@ def compare(
             "a render that traces nothing", rule='the solver "render" traces', remedy="leave one of them out"
         )
     if "seed" in asked:  # another than that of the response which the render is to check
-        asked["seed"] += 1
+        asked["seed"] = asked["seed"] % int(SEED.high) + 1
     known, light = scene_of(scene, effects_file), diffuse_source(trace, cache)
     report = fitting.fit_readings(
         readings_of(what, known), known, named(with_), solver=solver, tracing=asked,
