@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +14,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, scatters
+from lightfield.diagnosis.search.linear_pairs import linear_pairs
 from lightfield.diagnosis.search.own_errors import on_sample
 from lightfield.diagnosis.search.profile_likelihood import LOWER, ROUGH_STEPS, lowest, profiled, restarted
 from lightfield.fitting.least_squares import Fit
@@ -38,8 +38,6 @@ _RESTARTED, _PROFILED = 5, 3
 #: Part of its range within which a score may start an amplitude, alone and in a pair, where it is surer; off
 #: a one-sided zero, where nothing has a slope, by half of the typical size if it is within a tenth of it.
 _ALONE, _IN_A_PAIR, _NEAR_ZERO, _OFF_ZERO = 0.3, 0.5, 0.1, 0.5
-#: Keeps the normal equations of two templates that are one solvable.
-_RIDGE = 1e-8
 #: Of the grid of a shape so many are fitted to the end.
 _SHAPES_FINISHED = 2
 
@@ -230,26 +228,13 @@ def _extensions(
 
 
 def _pairs_at_base(problem: Problem, base: Fit, at: Adequacy) -> list[tuple[float, Explanation, Array]]:
-    """All pairs by linear least squares of both templates: finds two effects that hide each other."""
-    scores = [(s, a) for s, a in zip(at.scores, at.amplitudes, strict=True) if s.testable]
-    found: dict[tuple[tuple[str, str], tuple[str, str]], tuple[float, Explanation, Array]] = {}
-    for (one, _), (two, _) in combinations(scores, 2):
-        first, second = one.template.candidate, two.template.candidate
-        if not first.effect.combines_with(second.effect) or not _determined(problem, (first, second)):
-            continue
-        columns = np.hstack([one.direction, two.direction])
-        gram = columns.T @ columns
-        weights = np.linalg.solve(gram + _RIDGE * np.eye(len(gram)), columns.T @ base.residual)
-        q = one.direction.shape[1]
-        amplitudes = (one.to_amplitude @ weights[:q], two.to_amplitude @ weights[q:])
-        if any(c.one_sided and a[0] <= 0 for c, a in zip((first, second), amplitudes, strict=True)):
-            continue
-        promise = base.chi2 - float(weights @ (columns.T @ base.residual))
-        key = (first.key, second.key)
-        if key not in found or promise < found[key][0]:
-            start = _start(base.u, zip((one, two), amplitudes, strict=True), (first, second), part=_IN_A_PAIR)
-            found[key] = (promise, (first, second), start)
-    return list(found.values())
+    """All pairs, the best first, with the chi-square that they promise."""
+    found: list[tuple[float, Explanation, Array]] = []
+    for gain, pair in linear_pairs([score for score in at.scores if score.testable], base.residual):
+        both = tuple(score.template.candidate for score, _ in pair)
+        if _determined(problem, both):
+            found.append((base.chi2 - gain, both, _start(base.u, pair, both, part=_IN_A_PAIR)))
+    return found
 
 
 def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
@@ -312,7 +297,7 @@ def fit_pairs(
     chosen: dict[frozenset[tuple[str, str]], list[tuple[Explanation, Array]]] = {}
     for ranked, limit in (
         (sorted(extended, key=lambda c: c[0]), _PAIRS_FROM_SINGLES),
-        (sorted(_pairs_at_base(problem, base, at_base), key=lambda c: c[0]), _PAIRS_FROM_BASE),
+        (_pairs_at_base(problem, base, at_base), _PAIRS_FROM_BASE),
     ):
         new = 0
         for _, pair, start in ranked:

@@ -11,7 +11,7 @@ from toy_problem import Toy, candidate, layout, toy, waves
 
 from lightfield.diagnosis.adequacy import robust, score_tests, templates
 from lightfield.diagnosis.problem.noise import Budget
-from lightfield.diagnosis.search import cascade, preparation
+from lightfield.diagnosis.search import cascade, linear_pairs, preparation
 from lightfield.diagnosis.search import small_sets as searching
 from lightfield.diagnosis.search.cascade import CONVINCING, Finding, search
 from lightfield.diagnosis.search.many import levelled
@@ -167,7 +167,7 @@ CHOSEN = [
     (templates, "SLOWEST_RIPPLE", 3.0, 6.0), (templates, "_STEPS", np.linspace(-0.3, 0.3, 7), np.zeros(1)),
     (robust, "SMALLEST_SCALE", 0.25, 0.8), (preparation, "REPLICATES", 149, 499),
     (searching, "FAR_BEHIND", 12.0, 60.0), (searching, "_PAIRS_FROM_BASE", 3, 30),
-    (searching, "_RIDGE", 1e-11, 1e-5), (searching, "_ROUGH", 3, 12), (cascade, "_EASILY", 0.1, 0.4),
+    (linear_pairs, "_RIDGE", 1e-11, 1e-5), (searching, "_ROUGH", 3, 12), (cascade, "_EASILY", 0.1, 0.4),
 ]  # fmt: skip
 
 
