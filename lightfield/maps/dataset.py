@@ -27,6 +27,14 @@ from lightfield.storage.inputs import MAPS, check_regular
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
 PARTS = ("direct", "diffuse")
+#: Of the metadata of every file (Climate and Forecast).
+CONVENTIONS = "CF-1.11"
+#: Coordinates of a place, in m, in words.
+PLACE = {
+    "z_m": "distance of the plane from the lamp",
+    "y_m": "height above the lamp",
+    "x_m": "horizontal distance from the axis",
+}
 QUANTITIES = {
     "irradiance": ("W m-2 nm-1", "spectral irradiance on planes that face the lamp (-z)"),
     "scalar_irradiance": ("W m-2 nm-1", "spectral scalar irradiance"),
@@ -118,26 +126,30 @@ def to_dataset(rendering: Rendered | RenderedAtPlaces, wavelengths_nm: Array | N
 
 def _places(rendering: Rendered | RenderedAtPlaces) -> tuple[tuple[str, ...], dict[str, Any]]:
     """Dimensions and coordinates of the maps: planes, or single positions."""
-    about = {
-        "z_m": _length("distance of the plane from the lamp", "Z"),
-        "y_m": _length("height above the lamp", "Y"),
-        "x_m": _length("horizontal distance from the axis", "X"),
-    }
     where: Any = getattr(rendering, "grid", rendering)
     single = where is rendering
     coords = {
-        name: ("position" if single else name, np.asarray(getattr(where, name), float), about[name])
-        for name in about
+        name: (
+            "position" if single else name,
+            np.asarray(getattr(where, name), float),
+            {"units": "m", "long_name": words, "axis": name[0].upper()},
+        )
+        for name, words in PLACE.items()
     }
     return (DIMS[0], "position") if single else DIMS, coords
 
 
-def provenance(rendering: Rendered) -> dict[str, Attribute]:
-    """Global attributes: conventions, scene, seed, photons, requested and reached error, energy, software."""
-    scene = rendering.scene
-    attributes: dict[str, Attribute] = {
-        "Conventions": "CF-1.11",
-        "title": str(scene.name or "light field of an underwater lamp"),
+def scene_attributes(scene: Scene, title: str = "light field of an underwater lamp") -> dict[str, Attribute]:
+    """Global attributes of whatever is traced: conventions, scene, software.
+
+    Parameters
+    ----------
+    title : str
+        Of a scene without a name.
+    """
+    return {
+        "Conventions": CONVENTIONS,
+        "title": str(scene.name or title),
         "source": f"Monte Carlo light transport, lightfield {__version__}, mitsuba {_version('mitsuba')}",
         # Without the time: equal runs give equal files, and the file system knows when.
         "history": f"lightfield {__version__}",
@@ -148,6 +160,12 @@ def provenance(rendering: Rendered) -> dict[str, Attribute]:
         "scene_digest": str(scene.digest()),
         "lightfield_version": __version__,
     }
+
+
+def provenance(rendering: Rendered) -> dict[str, Attribute]:
+    """Global attributes: conventions, scene, seed, photons, requested and reached error, energy, software."""
+    scene = rendering.scene
+    attributes = scene_attributes(scene)
     settings = getattr(rendering, "settings", None)
     response = getattr(rendering, "response", None)
     for name, value in (
@@ -304,10 +322,6 @@ def write_exr_planes(dataset: xr.Dataset, folder: str | os.PathLike[str]) -> lis
 def _exr_unit(unit: str) -> str:
     """`m-2` as the EXR layout writes it, `m^-2`."""
     return unit.replace("-", "^-")
-
-
-def _length(meaning: str, axis: str) -> dict[str, str]:
-    return {"units": "m", "long_name": meaning, "axis": axis}
 
 
 def _energy(rendering: Rendered) -> Mapping[str, float]:

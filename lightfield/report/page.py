@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -65,6 +66,11 @@ def page_figure(
     """
     small = to_svg(draw(*shown, narrow=True), f"{name}-narrow") if narrow else ""
     return PageFigure(to_svg(draw(*shown), name), caption, alt, small)
+
+
+def three_digits(value: float | None) -> str:
+    """Three significant digits, a dash for what is unknown."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
 
 
 def fill(template: str, **values: Any) -> str:

@@ -19,6 +19,7 @@ from lightfield import __version__
 from lightfield.arrays import Array, jackknife_stderr
 from lightfield.errors import UsageError
 from lightfield.formula.vector import direct_flux
+from lightfield.maps.dataset import CONVENTIONS, PLACE
 from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, over_band
@@ -130,8 +131,8 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = 1e7, seed: int
         name: (name, values, {"units": "m", "long_name": words})
         for name, values, words in (
             ("z", along, "distance from the lamp's window along the beam's axis"),
-            ("y", across, "height above the lamp"),
-            ("x", across, "horizontal distance from the axis"),
+            ("y", across, PLACE["y_m"]),
+            ("x", across, PLACE["x_m"]),
         )
     }
     return xr.Dataset(variables, coords, _attributes(scene, photons, seed))
@@ -150,7 +151,7 @@ def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | floa
     low, high = scene.detector.bands_nm[0]
     intensity = over_band(scene.lamp, low, high).intensity.mean() * (high - low)
     return {
-        "Conventions": "CF-1.10",
+        "Conventions": CONVENTIONS,
         "title": f"Light field of {scene.name or 'a lamp'}",
         "source": f"lightfield {__version__}: Monte Carlo light transport; direct light in closed form",
         "comment": "For unit radiant intensity on the lamp's axis. A cosine receiver of outward unit normal "

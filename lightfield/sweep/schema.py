@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lightfield import __version__
-from lightfield.maps.dataset import QUANTITIES
+from lightfield.maps.dataset import PLACE, QUANTITIES, scene_attributes
 from lightfield.render.response.grid import Grid
 from lightfield.sweep.axes import COMPOUND, Axis
 from lightfield.sweep.sweep_plan import SweepPlan
@@ -56,9 +55,7 @@ def variables_of(plan: SweepPlan) -> dict[str, Variable]:
     sizes = {maps[0]: plan.bands, **dict(zip(maps[1:], grid.shape, strict=True))}
     for name, unit, text in (
         ("wavelength_nm", "nm", "centre of the band"),
-        ("z_m", "m", "distance of the plane from the lamp"),
-        ("y_m", "m", "height above the lamp"),
-        ("x_m", "m", "horizontal distance from the axis"),
+        *((name, "m", words) for name, words in PLACE.items()),
     ):
         dim = maps[("wavelength_nm", "z_m", "y_m", "x_m").index(name)]
         along = dims if dim != name else ()
@@ -200,22 +197,15 @@ def attributes(plan: SweepPlan) -> dict[str, Any]:
     """Global attributes: conventions, scene, plan, seed, software."""
     scene = plan.cases.scene
     return {
-        "Conventions": "CF-1.11",
-        "title": str(scene.name or "sweep over the light field of an underwater lamp"),
-        "source": f"Monte Carlo light transport, lightfield {__version__}, mitsuba {version('mitsuba')}",
+        **scene_attributes(scene, "sweep over the light field of an underwater lamp"),
         "history": f"lightfield {__version__} sweep",
-        "orientation": "x horizontal, y up, z along the axis from the lamp; indices grow with coordinates",
         "quantity": quantity_of(plan)[0],
-        "scene_toml": scene.to_toml(),
-        "scene_json": json.dumps(scene.model_dump(mode="json")),
-        "scene_digest": scene.digest(),
         "sweep_axes": json.dumps(axes_as_plain(plan)),
         "requested_relative_error": plan.settings.rel_error,
         "photon_budget_per_trace": plan.settings.max_photons,
         "seed": plan.settings.seed,
         "traces": len(plan.traces),
         "cases": plan.cases.count,
-        "lightfield_version": __version__,
         "complete": "no",
     }
 

@@ -12,7 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from lightfield.report.compare.figures import SHORT_UNITS, axial_figure, maps_figure, radial_figure
-from lightfield.report.page import fill, page_figure, write_page
+from lightfield.report.page import fill, page_figure, three_digits, write_page
 from lightfield.report.style import save_png
 from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
 from lightfield.studies.compare.rings import BEYOND, LEVELS
@@ -223,11 +223,6 @@ def concise(value: float, stderr: float) -> str:
     digits = round(both.stderr * 10**both.decimals)
     power = f"e{both.power}" if both.power else ""
     return f"{both.value:.{both.decimals}f}({digits}){power}".replace("-", "\N{MINUS SIGN}")
-
-
-def three_digits(value: float) -> str:
-    """Three significant digits, a dash for what is unknown."""
-    return f"{value:.3g}" if math.isfinite(value) else "–"
 
 
 def _radius(plane: PlaneComparison, level: float) -> str:

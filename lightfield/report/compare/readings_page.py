@@ -13,7 +13,7 @@ from lightfield.report.diagnosis.figures import data_figure, residual_map
 from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import Prediction, ReadingsView
-from lightfield.report.page import page_figure
+from lightfield.report.page import page_figure, three_digits
 from lightfield.report.sections import Section, Table, study_page
 from lightfield.studies.compare.readings import FitReport
 
@@ -36,9 +36,11 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
     readings = model.forward.readings
     view = ReadingsView(drawn_readings(readings, report.sigma, model.problem.keep), predictions)
     best = min(rungs, key=lambda rung: math.inf if rung.error_percent is None else rung.error_percent)
-    verdict = f"{newest.label}: error {_percent(newest.error_percent)} %, noise floor {_percent(floor)} %."
+    verdict = (
+        f"{newest.label}: error {three_digits(newest.error_percent)} %, noise floor {three_digits(floor)} %."
+    )
     if len(rungs) > 1 and best is not newest:
-        verdict += f" The lowest so far is {_percent(best.error_percent)} %, {best.label}."
+        verdict += f" The lowest so far is {three_digits(best.error_percent)} %, {best.label}."
     adequate = report.statistics.adequacy_p
     lead = [
         f"{len(rungs)} models of these readings so far, in the order in which they were tried.",
@@ -76,8 +78,8 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
                     "The models, in the order in which they were tried.",
                     ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
                     [
-                        [rung.label, _percent(rung.error_percent), f"{rung.chi2_per_dof:.3g}",
-                         _percent(rung.held_out_percent), rung.scene]
+                        [rung.label, three_digits(rung.error_percent), f"{rung.chi2_per_dof:.3g}",
+                         three_digits(rung.held_out_percent), rung.scene]
                         for rung in rungs
                     ],
                     (4,),
@@ -100,10 +102,6 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
 def _known(entry: Mapping[str, Any], name: str) -> float | None:
     value = entry.get(name)
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
-
-
-def _percent(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3g}"
 
 
 def _rung(entry: Mapping[str, Any]) -> Rung:

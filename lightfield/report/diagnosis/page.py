@@ -33,7 +33,7 @@ from lightfield.report.diagnosis.figures import (
 from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView
-from lightfield.report.page import PageFigure, fill, page_figure
+from lightfield.report.page import PageFigure, fill, page_figure, three_digits
 from lightfield.report.tank import tank_figure
 
 TAGS = {
@@ -229,7 +229,7 @@ def _light(what: WaterAndBeam) -> list[str]:
 
 def _rung(rung: Rung) -> list[str]:
     rendered = rung.rendered_error_percent
-    fresh = "–" if rendered is None else f"{rendered:.3g}"
+    fresh = three_digits(rendered)
     if rendered is not None and rung.rendered_stderr_percent:
         fresh += f" ± {rung.rendered_stderr_percent:.1g}"
     return [
@@ -237,7 +237,7 @@ def _rung(rung: Rung) -> list[str]:
         _optional(rung.error_percent),
         _percent(rung.chi2_per_dof),
         _optional(rung.held_out_percent),
-        "–" if rung.removed_percent is None else f"{rung.removed_percent:.3g}",
+        three_digits(rung.removed_percent),
         fresh,
     ]
 

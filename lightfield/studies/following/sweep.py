@@ -15,6 +15,7 @@ import xarray as xr
 
 from lightfield import __version__
 from lightfield.errors import LightfieldError, one_line
+from lightfield.maps.dataset import CONVENTIONS
 from lightfield.render.limits import PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
@@ -164,7 +165,7 @@ def _variables(plan: SweepPlan) -> dict[str, Variable]:
 def _attributes(plan: SweepPlan, runs: int) -> dict[str, Any]:
     scene = plan.cases.scene
     return {
-        "Conventions": "CF-1.11",
+        "Conventions": CONVENTIONS,
         "title": str(scene.name or "runs of a follower"),
         "source": f"closed loop in traced light, lightfield {__version__}",
         "quantity": QUANTITY,
