@@ -23,7 +23,7 @@ from lightfield.report.regime import regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-from lightfield.studies.regime import LEVELS, depth_within, regime_of, regime_plan, rows
+from lightfield.studies.regime import ERRORS, depth_within, regime_of, regime_plan, rows
 from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.sweep_plan import SweepSettings
 
@@ -121,7 +121,7 @@ def read_values(path: Path) -> xr.Dataset:
 
 def reach_table(data: xr.Dataset) -> str:
     """Markdown table of the optical thickness reached."""
-    head = ["receiver", "albedo b / c", *(f"{100 * level:g} %" for level in LEVELS)]
+    head = ["receiver", "albedo b / c", *(f"{100 * level:g} %" for level in ERRORS)]
     lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows(data)]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 

@@ -67,8 +67,8 @@ LARGEST = 7.0
 _RELATIVE, _FLOOR, _DIM = 0.01, 0.001, 0.005
 #: Roughness counts by the area of its ring, and on the axis by this part of the outermost ring's. Chosen.
 _ON_AXIS = 0.1
-#: Coordinates that differ by less are one, as a part of their range.
-_SAME = 1e-6
+#: What differs by less is one: coordinates, as a part of their range; curves, of their largest value.
+_SAME_PART = 1e-6
 #: What rounding leaves of the largest eigenvalue.
 _ROUNDING = 1e-10
 #: So many curves are remembered by their amplitudes.
@@ -362,7 +362,7 @@ class Curves:
         for k, one in enumerate(family.smooth):
             rest = one - sum((t * (t @ metric @ one) for t in taken), np.zeros(count))
             size = float(np.sqrt(max(rest @ metric @ rest, 0.0)))
-            if size <= _SAME * float(np.abs(design @ one).max()):
+            if size <= _SAME_PART * float(np.abs(design @ one).max()):
                 return None
             taken.append(rest / size)
             if k >= family.known:
@@ -385,4 +385,4 @@ class Curves:
 
 def _levels(at: Array) -> int:
     """How many different coordinates there are."""
-    return int(1 + (np.diff(np.sort(at)) > _SAME * max(float(np.ptp(at)), _SAME)).sum())
+    return int(1 + (np.diff(np.sort(at)) > _SAME_PART * max(float(np.ptp(at)), _SAME_PART)).sum())

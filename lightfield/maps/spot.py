@@ -13,7 +13,7 @@ from lightfield.arrays import Array
 
 REPLICATES = 24  # of the noise, for the standard errors: their own error is 15 %
 # Parts of the maximum above which log E is taken for a quadratic form: the highest that has pixels enough.
-LEVELS, ENOUGH = (0.95, 0.9, 0.85, 0.8, 0.7), 40
+PARTS_OF_PEAK, ENOUGH_PIXELS = (0.95, 0.9, 0.85, 0.8, 0.7), 40
 
 
 class Unmeasured(Enum):
@@ -163,8 +163,8 @@ def _peak(value: Array) -> tuple[float, tuple[float, float]]:
     brightest, place = float(value[row, column]), (float(row), float(column))
     if not brightest > 0:
         return float(np.nanmax(value)), place
-    chosen = [(smooth > level * smooth[row, column]) & (value > 0) for level in LEVELS]
-    many = [pixels for pixels in chosen if np.count_nonzero(pixels) >= ENOUGH]
+    chosen = [(smooth > level * smooth[row, column]) & (value > 0) for level in PARTS_OF_PEAK]
+    many = [pixels for pixels in chosen if np.count_nonzero(pixels) >= ENOUGH_PIXELS]
     if not many:
         return brightest, place
     rows, columns = np.nonzero(many[0])

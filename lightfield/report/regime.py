@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from lightfield.report.style import MUTED, NARROW, WIDTH, figure, label
-from lightfield.studies.regime import LEVELS, undecided
+from lightfield.studies.regime import ERRORS, undecided
 
 #: From blue to orange, light enough for dark numbers: told apart by those who see no red and green.
 COLOURS = ("#6ea6d8", "#c3dbef", "#f3dd9b", "#e2905a")
@@ -37,7 +37,7 @@ def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
         axes = fig.subplots(len(receivers), 1, squeeze=False, sharex=True)[:, 0]
         for i, (axis, receiver) in enumerate(zip(axes, receivers, strict=True)):
             error = dataset.formula_error.values[i]
-            which = np.where(np.isnan(error), np.nan, np.searchsorted(LEVELS, np.abs(error)))
+            which = np.where(np.isnan(error), np.nan, np.searchsorted(ERRORS, np.abs(error)))
             axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
             for j in range(len(albedos)):
                 for k in range(len(depths)):

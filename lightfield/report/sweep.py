@@ -16,7 +16,7 @@ from lightfield.arrays import evenly
 from lightfield.report.regime import COLOURS, NAMES, percent_text
 from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label, percent_axis
 from lightfield.studies.compare.maps import SIGMAS
-from lightfield.studies.regime import LEVELS
+from lightfield.studies.regime import ERRORS
 from lightfield.sweep.results import axes_of
 
 MOST_LINES, MOST_TILES, FEW_TILES = 6, 5, 2
@@ -109,10 +109,10 @@ def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
             at = at if up == plane else at.isel({plane: panel})
             error = _flat(at["formula_error_on_axis"], up, along)
             noise = SIGMAS * _flat(at["formula_error_on_axis_stderr"], up, along)
-            which = np.where(np.isnan(error), np.nan, np.searchsorted(LEVELS, np.abs(error)))
+            which = np.where(np.isnan(error), np.nan, np.searchsorted(ERRORS, np.abs(error)))
             axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
             for j, i in np.ndindex(*error.shape):
-                unsure = any(abs(abs(error[j, i]) - level) < noise[j, i] for level in LEVELS)
+                unsure = any(abs(abs(error[j, i]) - level) < noise[j, i] for level in ERRORS)
                 text = percent_text(float(error[j, i])) + ("?" if unsure else "")
                 axis.text(i, j, text, ha="center", va="center", fontsize=8.5, color="#101418")
             axis.set_xticks(range(len(columns)), [_step_name(held, along, i) for i in columns])

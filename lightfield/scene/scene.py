@@ -54,7 +54,7 @@ from lightfield.storage.files import atomic_path
 __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
 #: So many changed values are named in an error.
-_TOLD = 3
+_NAMED = 3
 LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.
 
 
@@ -387,7 +387,7 @@ def _dumped(value: Any) -> Any:
 def _assigned(values: Mapping[str, Any]) -> str:
     """What was to be changed, as an error names it."""
     told = [f"{path} = {brief(value, 40)}" for path, value in values.items()]
-    return ", ".join(told[:_TOLD]) + (f" and {len(told) - _TOLD} more" if len(told) > _TOLD else "")
+    return ", ".join(told[:_NAMED]) + (f" and {len(told) - _NAMED} more" if len(told) > _NAMED else "")
 
 
 def _plain(value: Any) -> Any:

@@ -26,7 +26,8 @@ RECEIVERS: dict[str, dict[str, Any]] = {
     "irradiance": {"quantity": "irradiance"},
     "2 degree collimator": {"quantity": "radiance", "full_angle_deg": 2.0, "aim": "axis"},
 }
-LEVELS = (0.05, 0.10, 0.25)
+#: Relative errors of the formula up to which it is asked for.
+ERRORS = (0.05, 0.10, 0.25)
 DISTANCE_M, CELL_M = 5.0, 0.1
 RECEIVER = "receiver"
 
@@ -162,7 +163,7 @@ def depth_within(optical_depth: Array, error: Array, level: float) -> float:
 def undecided(dataset: xr.Dataset) -> Array:
     """Points whose class Monte Carlo noise leaves open, shape of `formula_error`."""
     size, noise = np.abs(dataset.formula_error.values), SIGMAS * dataset.formula_error_stderr.values
-    return np.any([np.abs(size - level) < noise for level in LEVELS], axis=0)
+    return np.any([np.abs(size - level) < noise for level in ERRORS], axis=0)
 
 
 def rows(dataset: xr.Dataset) -> list[list[str]]:
@@ -173,7 +174,7 @@ def rows(dataset: xr.Dataset) -> list[list[str]]:
         for albedo in dataset.albedo.values:
             error = dataset.formula_error.sel(receiver=receiver, albedo=albedo).values
             table.append(
-                [str(receiver), f"{albedo:g}", *(_reach_text(depth, error, level) for level in LEVELS)]
+                [str(receiver), f"{albedo:g}", *(_reach_text(depth, error, level) for level in ERRORS)]
             )
     return table
 

@@ -12,12 +12,12 @@ from lightfield.arrays import Array
 from lightfield.errors import LightfieldError
 from lightfield.formula.closed_form import direct_field, lamps_of_window, optical_depth, rays
 from lightfield.maps.cells import axis_cells, cell_mean
-from lightfield.maps.spot import ENOUGH, LEVELS, Spot, spot_shape
+from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
 from lightfield.render.response.grid import Grid
 from lightfield.scene import Lamp, Scene, Water
 from lightfield.scene.bands import over_bands
 
-ENOUGH_KNOWN, FEWEST = 0.02, 3.5  # relative error of a cell, cells in a half width
+ENOUGH_KNOWN, FEWEST_CELLS = 0.02, 3.5  # relative error of a cell, cells in a half width
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
     noise = float(np.median(stderr[bright] / value[bright]))
     # The spot is found on cells that are known to 2 %: noise of more than that bends its contour and its top.
     cells = np.sqrt(np.count_nonzero(bright) / np.pi)  # in a half width
-    n = int(np.clip(np.ceil(noise / ENOUGH_KNOWN), 1, max(1, cells // FEWEST)))
+    n = int(np.clip(np.ceil(noise / ENOUGH_KNOWN), 1, max(1, cells // FEWEST_CELLS)))
     value, variance = (_coarse(part, n) for part in (value, stderr**2))
     x_m, y_m = (_coarse(c[None, :].repeat(n, 0), n)[0] for c in (grid.x_m, grid.y_m))
     spot = spot_shape(value, x_m, y_m)
@@ -158,8 +158,8 @@ def _half_width_stderr(spot: Spot, value: Array, stderr: Array, x_m: Array, y_m:
     on_ring = np.sqrt((stderr[ring] ** 2).sum()) / np.count_nonzero(ring)
     # `spot` takes the maximum from a quadratic form over the smallest disc of cells enough: its value in the
     # centre has four times the variance of a mean. Else from the brightest cell.
-    discs = [s < np.sqrt(np.log2(1 / level)) for level in LEVELS]
-    core = next((disc for disc in discs if np.count_nonzero(disc) >= ENOUGH), None)
+    discs = [s < np.sqrt(np.log2(1 / level)) for level in PARTS_OF_PEAK]
+    core = next((disc for disc in discs if np.count_nonzero(disc) >= ENOUGH_PIXELS), None)
     if core is None:
         at_peak = stderr.flat[np.argmin(s)]
     else:

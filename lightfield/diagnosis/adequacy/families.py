@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import TINY, beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
-from lightfield.diagnosis.problem.layout import LINE_DECIMALS, SAME, Layout
+from lightfield.diagnosis.problem.layout import LEAST_RANGE, LINE_DECIMALS, Layout
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit
@@ -77,11 +77,11 @@ def _spans(layout: Layout, prediction: Array) -> Mapping[str, tuple[Array, Array
     limit, terms = (min(most, n // _READINGS_PER_TERM) for most in (_MAX_LEVELS, _MAX_COSINES))
     out: dict[str, tuple[Array, Array]] = {}
     for name, coordinate in (("x", layout.x_m), ("y", layout.y_m)):
-        if np.ptp(coordinate) > SAME:
+        if np.ptp(coordinate) > LEAST_RANGE:
             basis = _levels(coordinate, limit)
             out[name] = (_cosines(coordinate, terms) if basis is None else basis, coordinate)
     angle = np.degrees(layout.angle_rad)
-    if np.ptp(angle) > SAME:
+    if np.ptp(angle) > LEAST_RANGE:
         out["angle"] = (_cosines(angle, terms), angle)
     if layout.plane.max() > 0:
         out["plane"] = ((layout.plane[:, None] == np.arange(layout.plane.max() + 1)) * 1.0, layout.z_m)

@@ -17,14 +17,14 @@ from scipy import special
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.structure import Span, Structure
-from lightfield.diagnosis.problem.layout import AIR_APART_M, PLACE_DECIMALS, SAME, Labels, Layout
+from lightfield.diagnosis.problem.layout import AIR_APART_M, LEAST_RANGE, PLACE_DECIMALS, Labels, Layout
 
 #: Rows of places beside each other: numbers along them are no lengths.
 _ROWS = ("along x", "along y", "along z")
 #: Probability with which slips alone are called a structure, by their places or by their number. Chosen:
 #: rarer than a false alarm (`score_tests.ALPHA`), to which it adds; test_aside.py holds it.
-LEVEL = 0.003
-#: Random choices of as many places: the chance of LEVEL is then known to two fifths.
+FALSE_ALARM = 0.003
+#: Random choices of as many places: the chance of FALSE_ALARM is then known to two fifths.
 PERMUTATIONS = 1999
 #: Fewer readings than this are near each other by chance.
 _FEWEST = 3
@@ -69,7 +69,7 @@ def structure(
     if layout.channel[rows].max() > layout.channel[rows].min():
         found.append(_scan({"wavelength": layout.wavelength_nm[rows]}, aside[rows], (misfit > 0)[rows], rng))
     together = min((f for f in found if f is not None), key=lambda f: f.chance, default=None)
-    if together is not None and together.chance * len(found) < LEVEL:
+    if together is not None and together.chance * len(found) < FALSE_ALARM:
         if together.coordinate == "place":
             box_m = _box_m(layout, rows[first][together.members])
             return Structure("place", together.chance, box_m=box_m, rate=rate)
@@ -77,7 +77,7 @@ def structure(
     # A slip may strike a place with all its wavelengths, or one reading: too many are so either way.
     ways = [(int(hit.sum()), len(hit)) for hit in (struck, aside[rows])]
     many = max(float(special.bdtrc(hits - 1, of, rate)) if hits else 1.0 for hits, of in ways)
-    return Structure(None, many, rate=rate) if many < LEVEL else None
+    return Structure(None, many, rate=rate) if many < FALSE_ALARM else None
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def _sequences(layout: Layout, prediction: Array, at: Labels) -> dict[str, Array
         out[name] = place
     if layout.has_time:
         out["time"] = layout.position[at]
-    return {name: v for name, v in out.items() if np.isfinite(v).all() and np.ptp(v) > SAME}
+    return {name: v for name, v in out.items() if np.isfinite(v).all() and np.ptp(v) > LEAST_RANGE}
 
 
 def _scan(

@@ -10,7 +10,7 @@ from itertools import combinations, product
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import SAME, Layout
+from lightfield.diagnosis.problem.layout import LEAST_RANGE, Layout
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.fitting.curves import field_of
 from lightfield.fitting.diffuse_light import has_diffuse_light
@@ -102,7 +102,7 @@ class Setting:
         if need in ("vary_x", "vary_y", "vary_z"):
             return layout.varies(need[-1] + "_m")
         return {
-            "off_axis": bool(layout.angle_rad.max() > SAME),
+            "off_axis": bool(layout.angle_rad.max() > LEAST_RANGE),
             "time": layout.has_time,
             "absolute": self.absolute,
             "tank": self.scene.tank is not None,

@@ -17,7 +17,7 @@ Labels = NDArray[np.int_]
 #: eighth of a scan and a third of the range of the tow tank's layout.
 ACROSS_M, ALONG_M = 0.25, 1.5
 #: A coordinate that varies by less, in metres or radians, does not vary.
-SAME = 1e-6
+LEAST_RANGE = 1e-6
 #: Decimals in metres to which places are one place, and to which distances or lines are one; of wavelengths
 #: in nm: finer than a stage or a spectrometer is set, coarser than the rounding of a table.
 PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
@@ -156,7 +156,7 @@ class Layout:
 
     def varies(self, name: str) -> bool:
         """Does a coordinate ("x_m", "y_m", "z_m") take different values?"""
-        return bool(np.ptp(getattr(self, name)) > SAME)
+        return bool(np.ptp(getattr(self, name)) > LEAST_RANGE)
 
 
 def layout_of(readings: Readings) -> Layout:

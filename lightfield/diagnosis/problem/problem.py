@@ -27,7 +27,7 @@ MANY, SAMPLE = 3000, 1500
 #: they may be the best of all readings, beyond the second they are out of the question.
 _AS_GOOD, FAR_BEHIND = 12.0, 100.0
 #: Fits to the sample that differ by less found the same minimum: a fit stops at a hundredth of chi-square.
-_SAME = 1e-2
+_SAME_MINIMUM = 1e-2
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Problem:
     @staticmethod
     def _may_be_as_good(fit: Fit, best: Fit, scatter: float) -> bool:
         """Is it another minimum of a sample than the best one, and not much worse?"""
-        return _SAME * scatter < fit.chi2 - best.chi2 < _AS_GOOD * scatter
+        return _SAME_MINIMUM * scatter < fit.chi2 - best.chi2 < _AS_GOOD * scatter
 
     @cached_property
     def sample(self) -> tuple[NDArray[np.bool_], Problem] | None:

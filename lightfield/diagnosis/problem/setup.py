@@ -9,7 +9,13 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.problem.candidates import Setting, candidates
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, SAME, WAVELENGTH_DECIMALS, Layout, layout_of
+from lightfield.diagnosis.problem.layout import (
+    LEAST_RANGE,
+    PLACE_DECIMALS,
+    WAVELENGTH_DECIMALS,
+    Layout,
+    layout_of,
+)
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE, errors_stated
@@ -137,7 +143,7 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
     start = {path: known[path].neutral or 0.0 for path in READOUT if path in known}
     light = value - scene.detector.background
     free = []
-    if layout.angle_rad.max() > SAME and scene.lamp.profile not in ("isotropic", "pencil", "table"):
+    if layout.angle_rad.max() > LEAST_RANGE and scene.lamp.profile not in ("isotropic", "pencil", "table"):
         hwhm, seen = scene.lamp.hwhm_deg, forward.light.diffuse.width_deg
         begin = hwhm if 1 / _WIDTH_GUESS < hwhm / seen < _WIDTH_GUESS else seen
         low, high = min(hwhm, begin) / _WIDTH_FACTOR, min(max(hwhm, begin) * _WIDTH_FACTOR, _WIDEST_DEG)
@@ -193,7 +199,7 @@ def _spectrum(scene: Scene, layout: Layout, one_gain: bool) -> list[FitParameter
     out = []
     for wavelength, now in scene.water.absorption_at:
         z = layout.z_m[~layout.air & (np.abs(layout.wavelength_nm - wavelength) < _SAME_NM)]
-        if len(z) and (np.ptp(z) > SAME or (one_gain and layout.varies("z_m"))):
+        if len(z) and (np.ptp(z) > LEAST_RANGE or (one_gain and layout.varies("z_m"))):
             out.append(FitParameter(f"{AT}{wavelength:g}nm", 0.0, now + _ABSORPTION_ROOM_PER_M, now, _STEP))
     return out
 

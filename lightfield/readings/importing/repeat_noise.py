@@ -11,7 +11,7 @@ from scipy.special import betaln, digamma, fdtrc, gammaln
 from lightfield.arrays import Array, Mask
 
 #: So many places with repeats tell how the scatter goes with the signal; fewer keep what each says of itself.
-FEWEST = 8
+FEWEST_PLACES = 8
 #: From so many degrees of freedom on, the places' true scatter is as good as one curve.
 _ONE_CURVE = 1e3
 #: A part of the noise that is so much less than the scatter found (in logarithms) is none.
@@ -48,13 +48,13 @@ def pooled_variance(signal: Array, exposure_s: Array, own: Array, repeats: Array
     Returns
     -------
     variance : array, shape (n,)
-        As `own` where fewer than `FEWEST` places have repeats that differ.
+        As `own` where fewer than `FEWEST_PLACES` places have repeats that differ.
     restless : mask, shape (n,)
         Places that are not like the others.
     """
     known, restless = np.isfinite(own) & (own > 0), np.zeros(len(own), bool)
     bright = np.median(np.abs(signal[known])) if known.any() else 0.0
-    if np.count_nonzero(known) < FEWEST or not np.isfinite(signal).all() or bright == 0:
+    if np.count_nonzero(known) < FEWEST_PLACES or not np.isfinite(signal).all() or bright == 0:
         return own, restless
     time = exposure_s if np.isfinite(exposure_s).all() else np.ones(len(signal))
     level, time = np.abs(signal) / bright, time / np.median(time[known])
@@ -64,7 +64,7 @@ def pooled_variance(signal: Array, exposure_s: Array, own: Array, repeats: Array
         like = known & ~restless
         worst = int(np.argmax(np.where(like, noise.own / trend, 0.0)))
         others = like & (np.arange(len(own)) != worst)
-        if np.count_nonzero(others) < FEWEST:
+        if np.count_nonzero(others) < FEWEST_PLACES:
             break
         without = noise.fitted(others)
         chance = fdtrc(noise.of[worst], without[0], own[worst] / without[1][worst])

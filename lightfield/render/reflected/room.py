@@ -40,7 +40,7 @@ Shares = tuple[float, float]
 _Exchange = tuple[float, float, Shares, int]
 #: Light that is the same on both sides of x = 0, and light that is opposite there: that of the other side
 #: over that of the one.
-_SAME, _OPPOSITE = 1.0, -1.0
+_EVEN, _ODD = 1.0, -1.0
 #: Lamps whose light is remembered: at most so many, and in so many bytes, but some; operators alike.
 KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 50e6, 8
 KEPT_OPERATORS, OPERATOR_BYTES = 60, 100e6
@@ -138,7 +138,7 @@ class Room:
         straight = self._lit(lamp, False, list(waters))
         by_surface = self._lit(lamp, True, list(waters)) if any(of[1] for of in asked) else None
         light = np.zeros((len(asked), max(of[3] for of in asked), len(self._which)))
-        for side in (_SAME,) if alike_on_both_sides(lamp) else (_SAME, _OPPOSITE):
+        for side in (_EVEN,) if alike_on_both_sides(lamp) else (_EVEN, _ODD):
             direct = self._in_terms(straight, side)
             mirrored = direct if by_surface is None else self._in_terms(by_surface, side)
             for k, of in enumerate(asked):
@@ -146,7 +146,7 @@ class Room:
                 terms = direct[water] + np.float32(surface) * mirrored[water] if surface else direct[water]
                 whole = terms[:, 0] / self.parts  # the first term is the same all over a patch
                 found = self._exchange(of, side).apply(terms[self.before], whole, of[3])[:, self._which]
-                light[k] += found if side == _SAME else found * self._side
+                light[k] += found if side == _EVEN else found * self._side
         every = Orders.of(light)
         return [every.at(k) for k in range(len(asked))]
 

@@ -32,7 +32,7 @@ FEWEST_LINES, MOST_LINES = 4, 256
 #: of 1 degree. Chosen; `tests/physics/test_straight.py` compares both from 0.2 to 30 degrees.
 WORTH = 8
 #: Where photons across the brightest cell are worth less than this part of its lines, none are drawn. Chosen.
-FEW = 0.3
+LEAST_WORTH = 0.3
 #: Lines to cells do not find light that comes from a small part of a window, wider than so many half widths
 #: of the beam where it is nearest. The view of a collimator, which ends sharply, counts as so many times less
 #: solid angle. Chosen.
@@ -119,7 +119,7 @@ def tally_straight(launch: Launch) -> None:
     worth = _worth(problem) * 2 ** (0.5 * digits)
     nearest = planes.nearest_m + problem.emission.lamp.apparent_distance_m
     brightest = launch.counted * problem.emission.density.max() / nearest**2 * planes.cell_m2
-    if brightest < FEW * worth * 2**digits:
+    if brightest < LEAST_WORTH * worth * 2**digits:
         worth = inf
     launch = replace(launch, digits=digits, worth=worth)
     if worth > 0:

@@ -20,7 +20,7 @@ FAR = 1e7  # m, where nothing is hit
 #: A bounced photon starts so far inside the wall, m: single precision is 1e-6 of ten metres.
 OFF_THE_WALL = 1e-4
 #: Light that flies level still sees the facets before it: sine of the angle to the surface at least.
-LEVEL = 1e-4
+LEAST_SINE = 1e-4
 
 
 class Met(NamedTuple):
@@ -166,7 +166,7 @@ class Box:
         if self.rough is not None:
             facets = mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, self.rough, sample_visible=True)
             # In the facets' own frame: the third component is the depth.
-            back = mi.Vector3f(-direction.x, -direction.z, dr.maximum(direction.y, LEVEL))
+            back = mi.Vector3f(-direction.x, -direction.z, dr.maximum(direction.y, LEAST_SINE))
             normal, _ = facets.sample(dr.normalize(back), turn)
             cosine = dr.dot(back, normal)
             onward = 2 * cosine * normal - back

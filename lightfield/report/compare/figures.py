@@ -23,12 +23,12 @@ from lightfield.report.style import (
     percent_axis,
     plain_log_axis,
 )
-from lightfield.studies.compare.maps import LEVELS, SIGMAS, PlaneComparison
+from lightfield.studies.compare.maps import ERROR_LEVELS, SIGMAS, PlaneComparison
 
 MOST_PLANES, MOST_NARROW = 5, 3
 FLAT = 0.6  # height over width under which a panel has no room beside it for words
 ERROR_SCALE = 0.50  # the colours of error maps end here
-CONTOURS = dict(zip(LEVELS, ((0, (2, 2)), "solid"), strict=True))
+CONTOURS = dict(zip(ERROR_LEVELS, ((0, (2, 2)), "solid"), strict=True))
 SHORT_UNITS = {"W m-2 nm-1": "W/(m² nm)", "W m-2 sr-1 nm-1": "W/(m² sr nm)"}
 
 
@@ -240,7 +240,7 @@ def axial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fig
 
 def error_band(axis: Axes, x: np.ndarray, error: np.ndarray, noise: np.ndarray) -> None:
     """Relative error with its noise band over the zones of 5 % and 10 %."""
-    for level, alpha in zip(reversed(LEVELS), (0.45, 0.8), strict=True):
+    for level, alpha in zip(reversed(ERROR_LEVELS), (0.45, 0.8), strict=True):
         axis.axhspan(-level, level, color=GRID, alpha=alpha, linewidth=0)
     axis.axhline(0, color=MUTED, linewidth=0.8)
     axis.fill_between(x, error - noise, error + noise, color=FORMULA, alpha=0.25, linewidth=0)

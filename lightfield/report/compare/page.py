@@ -15,7 +15,7 @@ from lightfield.report.compare.figures import SHORT_UNITS, axial_figure, maps_fi
 from lightfield.report.page import fill, page_figure, three_digits, write_page
 from lightfield.report.style import save_png
 from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
-from lightfield.studies.compare.rings import BEYOND, LEVELS
+from lightfield.studies.compare.rings import BEYOND, ERROR_LEVELS
 
 HEAD = (
     "z (m)",
@@ -50,7 +50,7 @@ def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
             three_digits(plane.formula_spot.hwhm_m),
             plus_minus(plane.render_spot.ellipticity, plane.render_spot.stderr.get("ellipticity", math.nan)),
             plus_minus(100 * plane.lost, 100 * plane.lost_stderr, " %"),
-            *(_radius(plane, level) for level in LEVELS),
+            *(_radius(plane, level) for level in ERROR_LEVELS),
         ]
         for plane in planes
     ]
@@ -72,8 +72,8 @@ def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
             concise(spot.hwhm_m, spot.stderr.get("hwhm_x_m", math.nan)),
             three_digits(plane.formula_spot.hwhm_m),
             concise(100 * plane.lost, 100 * plane.lost_stderr) + " %",
-            *(_radius(plane, level) for level in LEVELS),
-            style="yellow" if plane.told_on_axis(LEVELS[0]) == BEYOND else None,
+            *(_radius(plane, level) for level in ERROR_LEVELS),
+            style="yellow" if plane.told_on_axis(ERROR_LEVELS[0]) == BEYOND else None,
         )
     return table
 
@@ -123,7 +123,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
             )
         body = [
             [
-                {"text": cell, "over": index == 2 and plane.told_on_axis(LEVELS[0]) == BEYOND}
+                {"text": cell, "over": index == 2 and plane.told_on_axis(ERROR_LEVELS[0]) == BEYOND}
                 for index, cell in enumerate(row)
             ]
             for plane, row in zip(planes, rows(planes), strict=True)

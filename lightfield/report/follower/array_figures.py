@@ -31,7 +31,7 @@ from lightfield.studies.follower.survey import DOCKING, Survey
 
 #: In which unit a coordinate is shown, and its factor.
 SHOWN = {name: ("mm", 1e3) if name in POSE[:3] else ("deg", float(np.degrees(1))) for name in POSE}
-LEVELS = 13  # of a map
+MAP_LEVELS = 13  # of a map
 MOST_ARRAYS = 4  # side by side
 _NARROW, _WIDE = 16, 24  # letters of a name in a line
 WORDS = {"x": "sideways", "y": "up, down", "z": "along", "yaw": "yaw", "pitch": "pitch", "roll": "roll"}
@@ -118,7 +118,7 @@ def map_figure(survey: Survey, narrow: bool = False) -> Figure:
             if np.isfinite(lit).any():
                 low, high = np.nanmin(lit), np.nanmax(lit)
                 norm = LogNorm(low, max(high, 1.01 * low))
-                levels = np.geomspace(low, max(high, 1.01 * low), LEVELS)
+                levels = np.geomspace(low, max(high, 1.01 * low), MAP_LEVELS)
                 picture = axis.contourf(x, z, lit, levels, cmap="viridis_r", norm=norm)
                 bar = fig.colorbar(picture, ax=axis, label=f"{unit}")
                 plain_log_axis(bar.ax.yaxis)

@@ -21,7 +21,7 @@ from lightfield.storage.tables import LARGEST, column_names, read_columns, read_
 #: beam. Chosen: the error that light without photons is given (`render.diffuse.ratio`).
 ROUND = 0.002
 #: Intensities that differ by less, as a part of that on the axis, are the same.
-SAME = 1e-9
+SAME_INTENSITY = 1e-9
 _TURN = 2 * np.pi
 #: Columns of a table with errors: of every row by itself; and how those begin that rows share.
 OWN_ERROR, SHARED_ERROR = "stderr", "error_"
@@ -76,7 +76,7 @@ class BeamTable:
         """Is it the same at a turn and at that mirrored?"""
         turn = np.concatenate([self.turn_rad, (about - self.turn_rad) % _TURN])[:, None]
         one, other = self.at(self.angle_rad, turn), self.at(self.angle_rad, about - turn)
-        return bool(np.abs(one - other).max() <= SAME)
+        return bool(np.abs(one - other).max() <= SAME_INTENSITY)
 
     def at(self, angle_rad: ArrayLike, turn_rad: ArrayLike) -> Array:
         """Relative intensity at angles from the axis and turns about it, rad, broadcast together."""

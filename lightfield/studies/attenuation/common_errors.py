@@ -22,7 +22,7 @@ from lightfield.arrays import Array
 from lightfield.decompositions import eigen
 
 #: Of a colour's largest singular value, below which a combination of its parameters is not told.
-_TOLD = 1e-9
+_LEAST_SINGULAR = 1e-9
 #: A chi-square whose probability is smaller than this is no chance: the model does not fit.
 POOR_FIT = 0.01
 
@@ -164,7 +164,7 @@ class Design:
 
     @cached_property
     def _own(self) -> Array:
-        return np.asarray(np.linalg.pinv(self._normal, rcond=_TOLD, hermitian=True))
+        return np.asarray(np.linalg.pinv(self._normal, rcond=_LEAST_SINGULAR, hermitian=True))
 
     @cached_property
     def _between(self) -> Array:

@@ -27,7 +27,7 @@ from lightfield.studies.attenuation.ratios import Ratios
 LARGEST_B = 4.0
 #: Absorption and scattering are told apart where the error of b is at most this part of its range: what is
 #: not known of it beforehand then counts for 6 % of the estimate.
-TOLD = 0.25
+MOST_ERROR_OF_B = 0.25
 #: Where fits start: kappa of the first guess.
 _KAPPA = 0.5
 #: Gauss-Newton steps at most, and the change in 1/m at which they end.
@@ -253,7 +253,7 @@ def _fitted(
     b = np.minimum(0.5 * np.maximum(K, 0) / _KAPPA, 0.5 * stack.excess[0].largest_b)
     held = np.zeros(len(b), bool)
     estimate, a, b = _absorption(stack, np.maximum(K - _KAPPA * b, 0), b, held)
-    told = estimate.stderr[:, -1] <= TOLD * stack.excess[0].largest_b
+    told = estimate.stderr[:, -1] <= MOST_ERROR_OF_B * stack.excess[0].largest_b
     if told.any():
         estimate, a, b = _absorption(stack, a, b, told)
     return estimate, a, b, told

@@ -24,7 +24,7 @@ from lightfield.scene.bands import BandLight, at_wavelengths, over_band
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
 from lightfield.studies.compare.rings import (
     BEYOND,
-    LEVELS,
+    ERROR_LEVELS,
     OPEN,
     SIGMAS,
     WITHIN,
@@ -171,7 +171,10 @@ class PlaneComparison:
             "axis_error_stderr": self.axis_error_stderr,
             "lost": self.lost,
             "lost_stderr": self.lost_stderr,
-            **{f"radius_within_{100 * level:.0f}_percent_m": self.within(level).radius_m for level in LEVELS},
+            **{
+                f"radius_within_{100 * level:.0f}_percent_m": self.within(level).radius_m
+                for level in ERROR_LEVELS
+            },
         }
         for name, spot in (("render", self.render_spot), ("formula", self.formula_spot)):
             numbers |= {
@@ -329,7 +332,7 @@ def as_text(comparison: Comparison) -> str:
 
 def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
     """Where the formula can be trusted on the axis."""
-    states = [plane.told_on_axis(LEVELS[0]) for plane in lit]
+    states = [plane.told_on_axis(ERROR_LEVELS[0]) for plane in lit]
 
     def at(state: int) -> str:
         return ", ".join(f"{plane.z_m:g}" for plane, its in zip(lit, states, strict=True) if its == state)
@@ -349,7 +352,7 @@ def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
 
 def _told_off_axis(last: PlaneComparison) -> str:
     """Up to where it can be trusted on the farthest plane."""
-    radius, beyond, is_left = last.within(LEVELS[1])
+    radius, beyond, is_left = last.within(ERROR_LEVELS[1])
     if np.isinf(radius):
         return f"off the axis it stays within 10 % to the edge of the plane at {last.z_m:g} m"
     if is_left and radius == 0:

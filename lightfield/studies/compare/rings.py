@@ -9,7 +9,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.maps.cells import axis_cells, pitch_m
 
-LEVELS = (0.05, 0.10)
+#: Relative errors of the formula.
+ERROR_LEVELS = (0.05, 0.10)
 SIGMAS = 3.0
 #: What is within a level is known to it by so many Monte Carlo standard errors.
 KNOWN_SIGMAS = 2.0

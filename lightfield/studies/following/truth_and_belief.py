@@ -24,7 +24,7 @@ BEFORE_DOCK = 0.5
 #: Distances about the standoff, m, at which a follower fits K and gain (as in `pose bias`).
 FITTED_OVER_M = 2.0
 #: Waters between which light that changes is interpolated.
-LEVELS = 9
+TURBID_STEPS = 9
 #: The most turbid of several waters is so much denser than the one that is traced (as in `pose bias`).
 DENSER = 2.0
 
@@ -111,7 +111,7 @@ class Truth:
         drift = np.exp(PERCENT * array.gain_drift_percent * rng.standard_normal((runs, 1)))
         off = np.exp(PERCENT * follower.water_known_percent * rng.standard_normal((runs, 2)))
         factor = follower.mission.turbid_factor
-        steps = np.linspace(1.0, factor, LEVELS if factor != 1.0 else 1)
+        steps = np.linspace(1.0, factor, TURBID_STEPS if factor != 1.0 else 1)
         known = follower.water_known_percent == 0 or scene.water.base != "none"
         waters = [(1.0, 1.0)] if known else off.tolist()
         models = [

@@ -45,7 +45,7 @@ from lightfield.studies.link.receiver import Receiver
 #: Width of the cells on the axis, m: their bending is known from those beside them.
 _CELL_M = 0.3
 #: A bandwidth is told where the photons tell scattered light to this part of it. Chosen.
-_TOLD = 0.2
+_BANDWIDTH_KNOWN = 0.2
 #: Parts of the band, over each of which the water is taken to be the same: where its optical depths part by d
 #: from one end of the band to the other, (d / PARTS)^2 / 24 of the light is missed.
 PARTS = 20
@@ -129,7 +129,7 @@ def along_axis(
         ratio = np.exp(ln(z_m))
         error = np.exp(np.interp(z_m, nodes_m, np.log(np.maximum(late.relative_error, 1e-6))))
         # Light of a few photons has the paths of these few.
-        told = np.where(late.relative_error < _TOLD, late.bandwidth_hz, np.inf)
+        told = np.where(late.relative_error < _BANDWIDTH_KNOWN, late.bandwidth_hz, np.inf)
         bandwidth, spread = between_nodes(z_m, nodes_m, told, late.bandwidth_stderr_hz)
         eye = np.interp(z_m, nodes_m, late.eye)
     scale = colours.w_per_sr * receiver.area_mm2 * 1e-6

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.readings.importing.repeat_noise import FEWEST, pooled_variance
+from lightfield.readings.importing.repeat_noise import FEWEST_PLACES, pooled_variance
 
 PLACES = 60
 
@@ -84,6 +84,6 @@ def test_a_single_spectrum_gets_the_error_of_its_like() -> None:
 
 
 def test_few_places_say_each_its_own() -> None:
-    _, exposure, values, _ = (v[..., : FEWEST - 1] for v in repeated(4, 3))
+    _, exposure, values, _ = (v[..., : FEWEST_PLACES - 1] for v in repeated(4, 3))
     own = values.var(axis=0, ddof=1)
     assert pooled_variance(values.mean(axis=0), exposure, own, np.full(len(own), 3))[0] is own

@@ -27,11 +27,11 @@ from lightfield.fitting.parameter import is_gain
 
 #: Chance that any absent effect saves so much of chi-square that it is spoken of, were the readings without
 #: any. Chosen: a warning in three of ten such verdicts, and only where it also changes something.
-LEVEL = 0.3
+CHANCE_OF_ANY = 0.3
 #: A change is spoken of from so many stated errors on. Chosen: within two a value is as it was said to be.
 CHANGED = 2.0
 #: So many effects are fitted, of those that promise most, and so many are told.
-_FITTED, _TOLD = 4, 2
+_EFFECTS_FITTED, _EFFECTS_TOLD = 4, 2
 
 
 def unnamed(finding: Finding, units: dict[str, str], also: WithScattering | None = None) -> list[Unnamed]:
@@ -50,7 +50,7 @@ def unnamed(finding: Finding, units: dict[str, str], also: WithScattering | None
     first = [] if also is None else _hardly_told(also, finding, units)
     taken = None if also is None else also.candidate.name
     others = [_told(one, units) for one in _absent(finding) if one.candidate.name != taken]
-    return [*first, *others][:_TOLD]
+    return [*first, *others][:_EFFECTS_TOLD]
 
 
 def in_errors(finding: Finding) -> Finding:
@@ -135,7 +135,7 @@ def _asked(pool: Pool, candidate: Candidate) -> float:
     """Chi-square that one effect of all saves by chance with that probability, in units of the noise."""
     ground, d = pool.ground, len(candidate.parameters)
     names = {c.name for c in ground.problem.candidates}
-    return d * float(special.fdtri(d, ground.nu, 1 - LEVEL / len(names)))
+    return d * float(special.fdtri(d, ground.nu, 1 - CHANCE_OF_ANY / len(names)))
 
 
 def _with_one_more(pool: Pool, node: Node, phi: float) -> list[tuple[Node, Candidate]]:
@@ -147,7 +147,7 @@ def _with_one_more(pool: Pool, node: Node, phi: float) -> list[tuple[Node, Candi
     ]
     chosen: dict[str, tuple[Node, Candidate]] = {}
     for promise in sorted(promises, key=lambda p: p.cost):
-        wanted = promise.candidate.name not in chosen and len(chosen) < _FITTED
+        wanted = promise.candidate.name not in chosen and len(chosen) < _EFFECTS_FITTED
         if wanted and pool.affordable((*node.explanation, promise.candidate)):
             chosen[promise.candidate.name] = pool.finished(pool.add(promise)), promise.candidate
     return list(chosen.values())

@@ -33,7 +33,7 @@ from lightfield.readings import Readings
 from lightfield.scene.own.own_effect import OwnEffect, Places
 
 #: Part of what the best set leaves, in per cent, that an unknown removes before it is told. Chosen.
-_TOLD = 20.0
+_LEAST_REMOVED_PERCENT = 20.0
 #: Points of a curve, and the step of a parameter, in its standard error, by which its error is found.
 _POINTS, _STEP = 121, 0.1
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
@@ -72,7 +72,7 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings) -> list[
     out = []
     for name, made in sorted(best.items(), key=lambda item: pool.cost(item[1])):
         share = 100 * (node.fit.chi2 - made.fit.chi2) / rest if rest > 0 else 0.0
-        if share > _TOLD:
+        if share > _LEAST_REMOVED_PERCENT:
             record = _record(pool, forward, made, name, share)
             out.append(Local(record, made.explanation, made.fit))
     return out

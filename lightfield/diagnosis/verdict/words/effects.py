@@ -13,7 +13,7 @@ _SPOKEN = 50.0
 _SCATTERING = "scattering"
 _WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
 #: What may replace an effect, of which so many are told.
-_TOLD = 3
+_ALTERNATIVES_TOLD = 3
 
 
 def level(one: FoundEffect) -> str:
@@ -44,7 +44,7 @@ def follows_any(one: FoundEffect) -> bool:
 
 def instead(one: FoundEffect) -> str:
     """What would do in place of an effect; "" for nothing."""
-    told = [_with(names) for names in one.alternatives[:_TOLD]]
+    told = [_with(names) for names in one.alternatives[:_ALTERNATIVES_TOLD]]
     if one.beyond:
         told.insert(0, f"more {_with(one.beyond)} than is held plausible")
     return " or ".join(told)

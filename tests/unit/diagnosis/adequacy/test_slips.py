@@ -13,7 +13,7 @@ from scipy import stats
 from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.adequacy import slips
-from lightfield.diagnosis.adequacy.slips import LEVEL, structure
+from lightfield.diagnosis.adequacy.slips import FALSE_ALARM, structure
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget
@@ -147,7 +147,7 @@ def spectra():
 def test_slips_of_single_colours_are_no_more_than_slips_explain(monkeypatch) -> None:
     """Of 100 tables with the assumed rate of slips, each on one reading, as many are called too many as the
     level says (5 %; limit of 99.9 %); four times the rate is."""
-    monkeypatch.setattr(slips, "LEVEL", 0.05)
+    monkeypatch.setattr(slips, "FALSE_ALARM", 0.05)
     monkeypatch.setattr(slips, "PERMUTATIONS", 199)
     layout, light = spectra()
     rng = np.random.default_rng(4)
@@ -187,14 +187,14 @@ def _alarms(sets: int) -> int:
 
 def test_places_at_random_are_rarely_a_structure(monkeypatch) -> None:
     """At a level of 5 %, so that a few dozen sets can tell; within the limits of 99.9 %."""
-    monkeypatch.setattr(slips, "LEVEL", 0.05)
+    monkeypatch.setattr(slips, "FALSE_ALARM", 0.05)
     monkeypatch.setattr(slips, "PERMUTATIONS", 199)
     assert _alarms(100) <= stats.binom.isf(0.001, 100, 0.05)
 
 
 @pytest.mark.slow
 def test_places_at_random_are_called_a_structure_at_the_stated_level() -> None:
-    assert _alarms(3000) <= stats.binom.isf(0.001, 3000, LEVEL)
+    assert _alarms(3000) <= stats.binom.isf(0.001, 3000, FALSE_ALARM)
 
 
 def test_a_reading_that_the_fit_meets_is_not_set_aside(monkeypatch) -> None:
