@@ -25,13 +25,8 @@ from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 from lightfield.studies.follower.array_light import ArrayModel, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.design import (
-    ArraySetting,
-    Mounting,
-    judged_array,
-    optimise_array,
-    task_poses,
-)
+from lightfield.studies.follower.design.compared import ArraySetting, judged_array, task_poses
+from lightfield.studies.follower.design.exchange import Mounting, optimise_array
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import placed
 from lightfield.studies.follower.information import nuisances_of

@@ -12,8 +12,9 @@ from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
-from lightfield.studies.follower import design, survey
+from lightfield.studies.follower import survey
 from lightfield.studies.follower.array_light import Space
+from lightfield.studies.follower.design import compared, exchange
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.survey import DOCKING
 
@@ -83,7 +84,7 @@ class Survey(OverAxes[survey.Survey], ToldByDetails[survey.Survey]):
         return survey_page(self.details)
 
 
-class Arrays(ToldByDetails[design.Arrays]):
+class Arrays(ToldByDetails[compared.Arrays]):
     """Arrays side by side, best first."""
 
     @property
@@ -161,7 +162,7 @@ def compare(
     scene: Scene | AnyPath,
     with_: Mapping[str, Scene | AnyPath],
     *,
-    task: design.Task = "formation",
+    task: compared.Task = "formation",
     half_width: float = HALF_WIDTH_M,
     medium: Medium = "water",
     max_photons: float = PHOTONS,
@@ -188,7 +189,7 @@ def compare(
         raise UsageError("nothing to compare with", where="with_", rule='{"flat": "flat.toml"} and the like')
     known, where = asked(scene, half_width, medium, max_photons, seed, trace)
     others = {name: scene_of(other) for name, other in with_.items()}
-    return Arrays(design.compare_arrays(known, others, task=task, **where))
+    return Arrays(compared.compare_arrays(known, others, task=task, **where))
 
 
 @checked
@@ -199,7 +200,7 @@ def optimise(
     box: float = 0.4,
     tilt_max: float = 40.0,
     spacing: float = 0.025,
-    task: design.Task = "formation",
+    task: compared.Task = "formation",
     half_width: float = HALF_WIDTH_M,
     medium: Medium = "water",
     max_photons: float = PHOTONS,
@@ -228,5 +229,5 @@ def optimise(
         No array; a space that is not in the water.
     """
     known, where = asked(scene, half_width, medium, max_photons, seed, trace)
-    room = design.Mounting(box, tilt_max, spacing)
-    return Arrays(design.optimise_array(known, elements, room, task=task, **where))
+    room = exchange.Mounting(box, tilt_max, spacing)
+    return Arrays(exchange.optimise_array(known, elements, room, task=task, **where))

@@ -29,7 +29,8 @@ from lightfield.report.style import (
     percent_axis,
     plain_log_axis,
 )
-from lightfield.studies.compare.maps import SIGMAS, PlaneComparison
+from lightfield.studies.compare.maps import PlaneComparison
+from lightfield.studies.compare.rings import SIGMAS
 
 #: Lines that a drawing can show apart.
 LINES = len(SERIES)

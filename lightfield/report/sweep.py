@@ -15,7 +15,7 @@ from matplotlib.patches import Patch
 from lightfield.arrays import evenly
 from lightfield.report.regime import COLOURS, NAMES, percent_text
 from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label, percent_axis
-from lightfield.studies.compare.maps import SIGMAS
+from lightfield.studies.compare.rings import SIGMAS
 from lightfield.studies.regime import ERRORS
 from lightfield.sweep.results import axes_of
 

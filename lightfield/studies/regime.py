@@ -16,7 +16,7 @@ import xarray as xr
 
 from lightfield.arrays import Array
 from lightfield.scene import Scene
-from lightfield.studies.compare.maps import SIGMAS
+from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis
 from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 

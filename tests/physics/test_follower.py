@@ -15,7 +15,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Space
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.bias import CLEAR, EXACT, FITTED, RELATIVE, belief, believed
-from lightfield.studies.follower.design import ArraySetting, judged_array, task_poses
+from lightfield.studies.follower.design.compared import ArraySetting, judged_array, task_poses
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, with_doubt

@@ -23,7 +23,8 @@ from lightfield.report.style import (
     percent_axis,
     plain_log_axis,
 )
-from lightfield.studies.compare.maps import ERROR_LEVELS, SIGMAS, PlaneComparison
+from lightfield.studies.compare.maps import PlaneComparison
+from lightfield.studies.compare.rings import ERROR_LEVELS, SIGMAS
 
 MOST_PLANES, MOST_NARROW = 5, 3
 FLAT = 0.6  # height over width under which a panel has no room beside it for words

@@ -24,7 +24,7 @@ from lightfield.report.style import (
     panels,
     plain_log_axis,
 )
-from lightfield.studies.follower.design import JudgedArray
+from lightfield.studies.follower.design.compared import JudgedArray
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.survey import DOCKING, Survey

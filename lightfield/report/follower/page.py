@@ -16,7 +16,7 @@ from lightfield.report.follower.array_figures import (
 from lightfield.report.page import PageFigure, SideBySide, page_figure
 from lightfield.report.sections import Section, Table, study_page
 from lightfield.scene import Scene
-from lightfield.studies.follower.design import Arrays
+from lightfield.studies.follower.design.compared import Arrays
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import Bound, doubt_in_words, is_told
 from lightfield.studies.follower.survey import Survey

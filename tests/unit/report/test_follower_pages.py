@@ -13,7 +13,8 @@ from lightfield.report.follower.pose_page import _with_trace, poses_page
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.design import Mounting, compare_arrays, optimise_array
+from lightfield.studies.follower.design.compared import compare_arrays
+from lightfield.studies.follower.design.exchange import Mounting, optimise_array
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import doubt_in_words

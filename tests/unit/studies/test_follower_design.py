@@ -9,15 +9,13 @@ from lightfield.errors import SceneError
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.design import (
+from lightfield.studies.follower.design.compared import (
     ArraySetting,
-    Mounting,
-    candidate_arrays,
     compare_arrays,
-    designed,
     judged_array,
     task_poses,
 )
+from lightfield.studies.follower.design.exchange import Mounting, candidate_arrays, designed
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
 

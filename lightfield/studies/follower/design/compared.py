@@ -1,16 +1,7 @@
-"""Arrays compared and designed: where to put so many elements, and where to let them face.
+"""Arrays compared: what each knows of the pose in the light, noise and task of one scene.
 
 The criterion is A: the sum of the variances of the pose in units of the task (1 cm across, 10 cm along, 1
-degree),
-from one reading, averaged over the poses of the task. The search exchanges one element after the other for
-the best of all
-candidates (Fedorov 1972, Theory of Optimal Experiments, section 3; Cook and Nachtsheim 1980, Technometrics
-22, 315): with
-g the whitened derivatives of a candidate's reading, and C the covariance without the element that goes,
-
-    trace W C'  =  trace W C  -  g^T C W C g / (1 + g^T C g)                 (Sherman and Morrison 1950)
-
-so that all candidates cost one product. Then the candidates close in on the best.
+degree), from one reading, averaged over the poses of the task.
 """
 
 from __future__ import annotations
@@ -23,7 +14,6 @@ from typing import Any, Literal
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
@@ -39,19 +29,9 @@ TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
     "formation": ((0.0, 0.5, 1.0), (0.0, 0.3), (0.0, 8.0)),
     "docking": ((0.0, 0.1, 0.25), (0.0, 0.1), (0.0, 4.0)),
 }
-#: Places along a side of the box, and tilts in either direction, of the first candidates.
-SIDE, TILTS = 7, 5
-#: How often the candidates close in, by half a step each time (chosen: steps of 1 cm and 2 degrees remain).
-ROUNDS = 3
-#: Random beginnings of the exchange, and its sweeps at most.
-RESTARTS, MOST_SWEEPS = 12, 30
-#: An exchange must better the criterion by this part of it.
-LEAST_GAIN = 1e-6
 #: Information of everything, in units of the task, that keeps an array with too few elements from dividing
 #: by zero.
 RIDGE = 1e-9
-#: Distance by which an array may break the smallest spacing, m: rounding.
-ROUNDING_M = 1e-9
 
 
 def task_poses(space: Space, task: Task = "formation") -> Array:
@@ -95,8 +75,7 @@ class ArraySetting:
         """Derivatives over noise of every element alone, in units of the task, shape (n_poses, n, k).
 
         The noise is that of the same electronics for all arrays: its brightest reading, that of an element
-        in the
-        middle that faces forward.
+        in the middle that faces forward.
         """
         model = ArrayModel(self.light, elements)
         forward = ArrayModel(self.light, Elements(np.zeros((1, 3)), np.array([[0.0, 0.0, -1.0]])))
@@ -234,161 +213,3 @@ def compare_arrays(
         (judged_array(name, one, setting) for name, one in arrays.items()), key=lambda one: one.criterion
     )
     return Arrays(scene, found, task, bool(photons))
-
-
-def candidate_arrays(x: Array, y: Array, tilts_deg: Array) -> Elements:
-    """All places with all tilts: normals (tan tx, tan ty, -1), normalised."""
-    px, py, tx, ty = (
-        v.ravel() for v in np.meshgrid(x, y, *(2 * [np.tan(np.radians(tilts_deg))]), indexing="ij")
-    )
-    normal = np.stack([tx, ty, -np.ones_like(tx)], axis=1)
-    place = np.stack([px, py, np.zeros_like(px)], axis=1)
-    return Elements(place, normal / np.linalg.norm(normal, axis=1, keepdims=True))
-
-
-@dataclass(frozen=True)
-class Mounting:
-    """Where elements may be put.
-
-    Parameters
-    ----------
-    box_m : float, m
-        Side of the square that they lie in.
-    tilt_max_deg : float
-        In x and in y.
-    spacing_m : float, m
-        Smallest distance of two elements; 0: they may stand at one place.
-    """
-
-    box_m: float
-    tilt_max_deg: float = 40.0
-    spacing_m: float = 0.025
-
-
-def optimise_array(
-    scene: Scene,
-    elements: int,
-    room: Mounting,
-    *,
-    task: Task = "formation",
-    space: Space | None = None,
-    photons: float = 1e7,
-    seed: int = 0,
-) -> Arrays:
-    """The best places and tilts of so many elements in a square, beside the scene's own array.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its light, noise and array, which the best is compared with.
-    elements : int
-        At least as many as a pose has coordinates: fewer readings leave some of it open, wherever they are.
-    room : Mounting
-
-    Raises
-    ------
-    SceneError
-        So many elements do not fit.
-    UsageError
-        So few cannot know a pose.
-    """
-    space = Space.of_scene(scene) if space is None else space
-    half = 0.5 * room.box_m
-    corner = Elements(np.array([[half, half, 0.0]]), np.array([[0.0, 0.0, -1.0]]))
-    own = elements_of(array_of(scene))
-    reach = max((corner, own), key=lambda one: one.reach_m)
-    setting = setting_of(scene, space, reach, task, photons=photons, seed=seed)
-    if elements < len(setting.names):
-        raise UsageError(
-            "too few elements to know a pose",
-            where="elements",
-            found=elements,
-            rule=f"at least {len(setting.names)}, one for each of {', '.join(setting.names)}",
-        )
-    best = designed(setting, elements, room, seed)
-    arrays = [
-        judged_array("the best found", best, setting),
-        judged_array(scene.name or "this array", own, setting),
-    ]
-    return Arrays(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))
-
-
-def designed(setting: ArraySetting, elements: int, room: Mounting, seed: int = 0) -> Elements:
-    """The best array that exchanges and ever closer candidates find."""
-    tilt_max_deg, spacing_m = room.tilt_max_deg, room.spacing_m
-    half, tilts = 0.5 * room.box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
-    side = np.linspace(-half, half, SIDE)
-    everything = candidate_arrays(side, side, tilts)
-    whitened, rng = setting.whitened(everything), np.random.default_rng(seed)
-    found = [
-        _exchange(setting, everything, whitened, _begin(everything, elements, spacing_m, rng), spacing_m)
-        for _ in range(RESTARTS)
-    ]
-    _, chosen = min(found, key=lambda one: one[0])
-    best = _picked(everything, chosen)
-    step, turn = side[1] - side[0], tilts[1] - tilts[0] if len(tilts) > 1 else 0.0
-    for _ in range(ROUNDS):
-        step, turn = 0.5 * step, 0.5 * turn
-        near = _around(best, step, turn, half, tilt_max_deg)
-        start = list(range(len(best)))  # the present elements come first
-        _, chosen = _exchange(setting, near, setting.whitened(near), start, spacing_m)
-        best = _picked(near, chosen)
-    return best
-
-
-def _picked(elements: Elements, chosen: Sequence[int]) -> Elements:
-    return Elements(elements.place_m[list(chosen)], elements.normal[list(chosen)])
-
-
-def _around(best: Elements, step_m: float, turn_deg: float, half_m: float, tilt_deg: float) -> Elements:
-    """The elements, and each moved and turned by a step in every direction, within box and tilts."""
-    parts = [best]
-    for place, normal in zip(best.place_m, best.normal, strict=True):
-        tx, ty = np.degrees(np.arctan(normal[:2] / -normal[2]))
-        for a in {-turn_deg, 0.0, turn_deg}:
-            for b in {-turn_deg, 0.0, turn_deg}:
-                tilted = np.tan(np.radians(np.clip([tx + a, ty + b], -tilt_deg, tilt_deg)))
-                facing = np.array([*tilted, -1.0]) / np.hypot(1.0, np.hypot(*tilted))
-                for move in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-                    at = np.clip(place[:2] + step_m * np.array(move), -half_m, half_m)
-                    parts.append(Elements(np.array([[*at, 0.0]]), facing[None]))
-    return Elements(np.concatenate([p.place_m for p in parts]), np.concatenate([p.normal for p in parts]))
-
-
-def _begin(among: Elements, count: int, spacing_m: float, rng: np.random.Generator) -> list[int]:
-    chosen: list[int] = []
-    for k in rng.permutation(len(among)):
-        apart = np.linalg.norm(among.place_m[chosen] - among.place_m[k], axis=1)
-        if np.min(apart, initial=np.inf) >= spacing_m - ROUNDING_M:
-            chosen.append(int(k))
-            if len(chosen) == count:
-                return chosen
-    raise SceneError(
-        f"{count} elements do not fit",
-        where="array",
-        found=f"room for about {len(chosen)}",
-        rule=f"{spacing_m:g} m between two of them, on a grid of {SIDE} x {SIDE} places",
-        remedy="fewer elements, a larger box, or a smaller spacing",
-    )
-
-
-def _exchange(
-    setting: ArraySetting, among: Elements, whitened: Array, begin: Sequence[int], spacing_m: float
-) -> tuple[float, list[int]]:
-    """Exchanges until none helps: A, and which candidates are left."""
-    chosen = list(begin)
-    best = setting.criterion(whitened[:, chosen])
-    for _ in range(MOST_SWEEPS):
-        before = best
-        for k in range(len(chosen)):
-            rest = chosen[:k] + chosen[k + 1 :]
-            values = setting.exchanged(whitened, whitened[:, rest])
-            if rest:
-                apart = np.linalg.norm(among.place_m[:, None] - among.place_m[rest][None], axis=2).min(axis=1)
-                values = np.where(apart >= spacing_m - ROUNDING_M, values, np.inf)
-            other = int(values.argmin())
-            if values[other] < best * (1 - LEAST_GAIN):
-                chosen[k], best = other, float(values[other])
-        if best > before * (1 - LEAST_GAIN):
-            break
-    return best, chosen

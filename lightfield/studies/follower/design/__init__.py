@@ -1,0 +1,1 @@
+"""Arrays compared and designed: where to put elements, and where to let them face."""
