@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 
-from lightfield.arrays import evenly
+from lightfield.arrays import Array, evenly
 from lightfield.maps.exr import write_rgb_exr
 from lightfield.render.picture import Picture, exposure, tone_mapped
-from lightfield.report.compare.figures import SHORT_UNITS
-from lightfield.report.style import MUTED, NARROW, figure, save_pixels
+from lightfield.report.style import MUTED, NARROW, SHORT_UNITS, extent_of, figure, save_pixels
 
 DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
@@ -33,12 +34,7 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
     planes = evenly(dataset.sizes["z_m"], 3 if narrow else 5)
     waves = evenly(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
     values = dataset[quantity].values
-    x, y = dataset.x_m.values, dataset.y_m.values
-    wide = 0.5 * float(np.diff(x).mean()) if x.size > 1 else 0.5
-    high = 0.5 * float(np.diff(y).mean()) if y.size > 1 else 0.5
-    extent = (x[0] - wide, x[-1] + wide, y[0] - high, y[-1] + high)
-    top = float(np.nanmax(values))
-    norm = LogNorm(top / 10**DECADES, top) if top > 0 else None
+    x, y, top = dataset.x_m.values, dataset.y_m.values, float(np.nanmax(values))
     shape = (len(planes), 1) if narrow else (len(waves), len(planes))
     size = (
         (NARROW, 0.9 + 2.6 * len(planes))
@@ -51,18 +47,11 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
         for row, wave in enumerate(waves):
             for column, plane in enumerate(planes):
                 axis, light = axes[row, column], values[wave, plane]
-                shown = axis.imshow(
-                    np.maximum(light, top / 10 ** (DECADES + 1)) if top > 0 else light,
-                    origin="lower",
-                    extent=extent,
-                    cmap="magma",
-                    norm=norm,
-                )
+                shown = light_map(axis, x, y, light, top)
                 dimmest, brightest = float(np.nanmin(light)), float(np.nanmax(light))
                 levels = sorted(part * brightest for part in PARTS)
                 if x.size > 1 and y.size > 1 and dimmest < levels[-1] < brightest:
                     axis.contour(x, y, light, levels=levels, colors="white", linewidths=0.7, alpha=0.8)
-                axis.grid(False)
                 axis.tick_params(labelsize=8.5)
                 if row == 0 or narrow:
                     axis.set_title(f"z = {float(dataset.z_m[plane]):g} m", loc="center")
@@ -80,6 +69,15 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
             words += [f"{shown_} of {there} {name}"] if shown_ < there else []
         fig.supxlabel(("\n" if narrow else "; ").join(words), fontsize=9, color=MUTED)
     return fig
+
+
+def light_map(axis: Axes, x_m: Array, y_m: Array, light: Array, top: float) -> AxesImage:
+    """Draw light on a plane, on a logarithmic scale that ends at the top."""
+    axis.grid(False)
+    return axis.imshow(
+        np.maximum(light, top / 10 ** (DECADES + 1)) if top > 0 else light, origin="lower", cmap="magma",
+        norm=LogNorm(top / 10**DECADES, top) if top > 0 else None, extent=extent_of(x_m, y_m),
+    )  # fmt: skip
 
 
 def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:

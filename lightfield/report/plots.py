@@ -9,14 +9,12 @@ import numpy as np
 import xarray as xr
 from matplotlib import pyplot
 from matplotlib.axes import Axes
-from matplotlib.colors import LogNorm
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, evenly
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.readings import Readings
 from lightfield.render.picture import Picture, tone_mapped
-from lightfield.report.compare.figures import SHORT_UNITS
-from lightfield.report.light_figures import DECADES
+from lightfield.report.light_figures import light_map
 from lightfield.report.style import (
     FORMULA,
     GOOD,
@@ -24,6 +22,7 @@ from lightfield.report.style import (
     MUTED,
     RENDER,
     SERIES,
+    SHORT_UNITS,
     STYLE,
     label,
     percent_axis,
@@ -102,15 +101,8 @@ def plot_distances(ax: Axes | None, names: Sequence[str], sigma: Array, sure: fl
 def plot_map(ax: Axes | None, plane: xr.Dataset) -> Axes:
     """Light on one plane, on a logarithmic scale."""
     ax, quantity = axes_for(ax), plane.attrs["quantity"]
-    light, x, y = plane[quantity], plane.x_m.values, plane.y_m.values
-    half_x, half_y = (0.5 * float(np.diff(c).mean()) if c.size > 1 else 0.5 for c in (x, y))
-    top = float(np.nanmax(light.values))
-    image = ax.imshow(
-        np.maximum(light.values, top / 10 ** (DECADES + 1)) if top > 0 else light.values,
-        origin="lower", cmap="magma", norm=LogNorm(top / 10**DECADES, top) if top > 0 else None,
-        extent=(x[0] - half_x, x[-1] + half_x, y[0] - half_y, y[-1] + half_y),
-    )  # fmt: skip
-    ax.grid(False)
+    light = plane[quantity]
+    image = light_map(ax, plane.x_m.values, plane.y_m.values, light.values, float(np.nanmax(light.values)))
     unit = light.attrs["units"]
     words = f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}"
     ax.figure.colorbar(image, ax=ax, extend="min", label=words)
@@ -144,8 +136,7 @@ def plot_formula_error(ax: Axes | None, planes: Sequence[PlaneComparison]) -> Ax
     """Relative error of the formula against the radius, with three standard errors."""
     ax = axes_for(ax)
     ax.axhspan(-0.05, 0.05, color=GRID, alpha=0.8, linewidth=0)
-    chosen = np.unique(np.linspace(0, len(planes) - 1, min(len(planes), LINES)).round().astype(int))
-    for shade, plane in zip(SERIES, (planes[k] for k in chosen), strict=False):
+    for shade, plane in zip(SERIES, (planes[k] for k in evenly(len(planes), LINES)), strict=False):
         ring = plane.profile
         with np.errstate(divide="ignore", invalid="ignore"):
             error, noise = (

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from lightfield.arrays import Array
 from lightfield.report.style import MUTED, NARROW, WIDTH, figure, label
 from lightfield.studies.regime import ERRORS, undecided
 
@@ -27,39 +29,53 @@ def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
         For a telephone.
     """
     receivers, albedos, depths = (dataset[name].values for name in ("receiver", "albedo", "optical_depth"))
-    colours = ListedColormap(COLOURS)
-    classes = BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
-    open_points = undecided(dataset)
+    error, stderr = dataset.formula_error.values, dataset.formula_error_stderr.values
     with figure(
         NARROW if narrow else WIDTH,
         (1.7 if narrow else 1.2) + 0.36 * len(albedos) * len(receivers) + 0.75 * len(receivers),
     ) as fig:
         axes = fig.subplots(len(receivers), 1, squeeze=False, sharex=True)[:, 0]
         for i, (axis, receiver) in enumerate(zip(axes, receivers, strict=True)):
-            error = dataset.formula_error.values[i]
-            which = np.where(np.isnan(error), np.nan, np.searchsorted(ERRORS, np.abs(error)))
-            axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
-            for j in range(len(albedos)):
-                for k in range(len(depths)):
-                    text = percent_text(error[j, k], whole=narrow) + ("?" if open_points[i, j, k] else "")
-                    axis.text(
-                        k, j, text, ha="center", va="center", fontsize=6.5 if narrow else 9, color="#101418"
-                    )
+            error_cells(axis, error[i], stderr[i], 6.5 if narrow else 9, whole=narrow)
             axis.set_xticks(range(len(depths)), [f"{d:g}" for d in depths])
             axis.set_yticks(range(len(albedos)), [f"{a:g}" for a in albedos])
-            axis.grid(False)
-            axis.tick_params(length=0)
             label(axis, "", "albedo b / c", str(receiver)[:1].upper() + str(receiver)[1:])
         axes[-1].set_xlabel("optical thickness c z")
-        handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
-        fig.legend(handles=handles, loc="outside lower center", ncols=2 if narrow else 4)
+        colours_named(fig, narrow)
         title = "Error of Gaussian × inverse square × Beer-Lambert on the axis, in %"
-        if open_points.any():
+        if undecided(error, stderr).any():
             title += "; ?: noise leaves the colour open"
         if narrow:
             title = title.replace("Beer-Lambert ", "Beer-Lambert\n").replace("; ?", "\n?")
         fig.suptitle(title, x=0.01, ha="left", fontsize=9.5, color=MUTED)
     return fig
+
+
+def error_cells(axis: Axes, error: Array, stderr: Array, size: float, whole: bool = False) -> None:
+    """Draw errors of the formula as coloured cells, in per cent; `?` where noise leaves the class open.
+
+    Parameters
+    ----------
+    size : float, points
+        Of the numbers.
+    whole : bool
+        For narrow cells.
+    """
+    which = np.where(np.isnan(error), np.nan, np.searchsorted(ERRORS, np.abs(error)))
+    classes = BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
+    axis.imshow(which, origin="lower", aspect="auto", cmap=ListedColormap(COLOURS), norm=classes)
+    unsure = undecided(error, stderr)
+    for row, column in np.ndindex(*error.shape):
+        text = percent_text(float(error[row, column]), whole) + ("?" if unsure[row, column] else "")
+        axis.text(column, row, text, ha="center", va="center", fontsize=size, color="#101418")
+    axis.grid(False)
+    axis.tick_params(length=0)
+
+
+def colours_named(fig: Figure, narrow: bool) -> None:
+    """Legend of the classes below the figure."""
+    handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
+    fig.legend(handles=handles, loc="outside lower center", ncols=2 if narrow else 4)
 
 
 def percent_text(error: float, whole: bool = False) -> str:

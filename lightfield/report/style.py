@@ -44,6 +44,13 @@ THEMED = {
     SERIES[4]: "series-5",
     SERIES[5]: "series-6",
 }
+#: Units of light as people write them, by those of a data set.
+SHORT_UNITS = {
+    "W m-2 nm-1": "W/(m² nm)",
+    "W m-2 sr-1 nm-1": "W/(m² sr nm)",
+    "W nm-1": "W/nm",
+    "W sr-1 nm-1": "W/(sr nm)",
+}
 WIDTH = 10.0  # inches of a figure that fills the page
 NARROW = 4.3  # inches of a figure on a telephone
 PAGE_PIXELS = 1020
@@ -184,6 +191,12 @@ def to_svg(fig: Figure, name: str) -> str:
     for colour, variable in THEMED.items():
         svg = svg.replace(colour, f"var(--{variable})")
     return svg
+
+
+def extent_of(x_m: np.ndarray, y_m: np.ndarray) -> tuple[float, float, float, float]:
+    """Edges of a map of evenly spaced cells by their centres, m, as `imshow` takes them; one alone is 1 m."""
+    half_x, half_y = (0.5 * float(np.diff(c).mean()) if c.size > 1 else 0.5 for c in (x_m, y_m))
+    return float(x_m[0] - half_x), float(x_m[-1] + half_x), float(y_m[0] - half_y), float(y_m[-1] + half_y)
 
 
 def percent_axis(axis: Axis) -> None:

@@ -8,24 +8,26 @@ from textwrap import fill
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from lightfield.arrays import evenly
-from lightfield.report.regime import COLOURS, NAMES, percent_text
-from lightfield.report.style import MUTED, NARROW, SERIES, WIDTH, figure, label, percent_axis
+from lightfield.report.regime import colours_named, error_cells
+from lightfield.report.style import (
+    MUTED,
+    NARROW,
+    SERIES,
+    SHORT_UNITS,
+    WIDTH,
+    extent_of,
+    figure,
+    label,
+    percent_axis,
+)
 from lightfield.studies.compare.rings import SIGMAS
-from lightfield.studies.regime import ERRORS
 from lightfield.sweep.results import axes_of
 
 MOST_LINES, MOST_TILES, FEW_TILES = 6, 5, 2
-SHORT = {
-    "W m-2 nm-1": "W/(m² nm)",
-    "W m-2 sr-1 nm-1": "W/(m² sr nm)",
-    "W nm-1": "W/nm",
-    "W sr-1 nm-1": "W/(sr nm)",
-}
 
 
 def figures_of(data: xr.Dataset) -> dict[str, Callable[..., Figure]]:
@@ -61,7 +63,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
                 at = held.isel({hue: step} if hue == plane else {hue: step, plane: middle})
                 _line(axis, at, along, name, SERIES[line], _step_name(held, hue, step))
             variable = held[name]
-            unit = SHORT.get(variable.attrs.get("units", ""), variable.attrs.get("units", ""))
+            unit = SHORT_UNITS.get(variable.attrs.get("units", ""), variable.attrs.get("units", ""))
             label(axis, "", unit if unit != "1" else "", panels[name])
             if name.startswith("formula_error"):
                 axis.axhline(0, color=MUTED, linewidth=0.8)
@@ -97,7 +99,6 @@ def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     plane = _plane(held)
     panels = [0] if up == plane else evenly(held.sizes[plane], 4)
     columns, lines = evenly(held.sizes[along], 5 if narrow else 14), evenly(held.sizes[up], 12)
-    colours, classes = ListedColormap(COLOURS), BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
     wide = 2 if len(panels) > 1 and len(columns) <= 7 and not narrow else 1
     rows = -(-len(panels) // wide)
     with figure(NARROW if narrow else WIDTH, 1.3 + rows * (0.6 + max(1.1, 0.3 * len(lines)))) as fig:
@@ -108,24 +109,15 @@ def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
             at = held.isel({along: columns, up: lines})
             at = at if up == plane else at.isel({plane: panel})
             error = _flat(at["formula_error_on_axis"], up, along)
-            noise = SIGMAS * _flat(at["formula_error_on_axis_stderr"], up, along)
-            which = np.where(np.isnan(error), np.nan, np.searchsorted(ERRORS, np.abs(error)))
-            axis.imshow(which, origin="lower", aspect="auto", cmap=colours, norm=classes)
-            for j, i in np.ndindex(*error.shape):
-                unsure = any(abs(abs(error[j, i]) - level) < noise[j, i] for level in ERRORS)
-                text = percent_text(float(error[j, i])) + ("?" if unsure else "")
-                axis.text(i, j, text, ha="center", va="center", fontsize=8.5, color="#101418")
+            error_cells(axis, error, _flat(at["formula_error_on_axis_stderr"], up, along), 8.5)
             axis.set_xticks(range(len(columns)), [_step_name(held, along, i) for i in columns])
             axis.set_yticks(range(len(lines)), [_step_name(held, up, j) for j in lines])
-            axis.grid(False)
-            axis.tick_params(length=0)
             title = "" if up == plane else f"{_axis_name(held, plane)} = {_step_name(held, plane, panel)}"
             label(axis, "", "", title)
         for axis in axes[-1]:
             axis.set_xlabel(_axis_name(held, along))
         fig.supylabel(_axis_name(held, up), fontsize=10)
-        handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
-        fig.legend(handles=handles, loc="outside lower center", ncols=2 if narrow else 4)
+        colours_named(fig, narrow)
         cut = [*_cut(held, along, columns), *_cut(held, up, lines)]
         cut += [*([] if up == plane else _cut(held, plane, panels)), *_first_of(held)]
         what = "error of the closed-form model on the axis, in %"
@@ -173,7 +165,7 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
         where = "bottom" if narrow else "right"
         bar = fig.colorbar(shown, ax=axes, shrink=0.8, aspect=30, location=where)
         unit = held[quantity].attrs["units"]
-        bar.set_label(f"{quantity.replace('_', ' ')} ({SHORT.get(unit, unit)})", fontsize=9)
+        bar.set_label(f"{quantity.replace('_', ' ')} ({SHORT_UNITS.get(unit, unit)})", fontsize=9)
         fig.supxlabel(f"columns: {_axis_name(held, along)}", fontsize=9.5)
         fig.supylabel(f"rows: {_axis_name(held, up)}", fontsize=9.5)
         inside = "panels: x to the right and y up, m" if shape else ""
@@ -246,9 +238,7 @@ def _flat(variable: xr.DataArray, *dims: str) -> np.ndarray:
 def _extent(data: xr.Dataset, column: str, row: str) -> tuple[float, float, float, float] | None:
     if column != "x_m" or row != "y_m":
         return None
-    x, y = data.x_m.values, data.y_m.values
-    half_x, half_y = (0.5 * float(np.diff(c).mean()) if len(c) > 1 else 0.5 for c in (x, y))
-    return float(x[0] - half_x), float(x[-1] + half_x), float(y[0] - half_y), float(y[-1] + half_y)
+    return extent_of(data.x_m.values, data.y_m.values)
 
 
 # -- words -------------------------------------------------------------------------------------------

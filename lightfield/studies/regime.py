@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.scene import Scene
 from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis
@@ -160,10 +160,9 @@ def depth_within(optical_depth: Array, error: Array, level: float) -> float:
     return float(np.exp(np.interp(share, [0, 1], np.log(optical_depth[k - 1 : k + 1]))))
 
 
-def undecided(dataset: xr.Dataset) -> Array:
-    """Points whose class Monte Carlo noise leaves open, shape of `formula_error`."""
-    size, noise = np.abs(dataset.formula_error.values), SIGMAS * dataset.formula_error_stderr.values
-    return np.any([np.abs(size - level) < noise for level in ERRORS], axis=0)
+def undecided(error: Array, stderr: Array) -> Mask:
+    """Points whose class Monte Carlo noise leaves open, shape of the errors of the formula there."""
+    return np.any([np.abs(np.abs(error) - level) < SIGMAS * stderr for level in ERRORS], axis=0)
 
 
 def rows(dataset: xr.Dataset) -> list[list[str]]:

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from lightfield.report.compare.figures import SHORT_UNITS, axial_figure, maps_figure, radial_figure
+from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
 from lightfield.report.page import fill, page_figure, three_digits, write_page
-from lightfield.report.style import save_png
+from lightfield.report.style import SHORT_UNITS, save_png
 from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
 from lightfield.studies.compare.rings import BEYOND, ERROR_LEVELS
 

@@ -48,7 +48,6 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
     `narrow`: the first, the middle and the last panel below each other.
     """
     panels = _panels(view)
-    explained = len(view.predictions) > 1
     if narrow:
         panels = few(panels, MOST_NARROW)
     size = (NARROW, 1.2 + 3.4 * len(panels)) if narrow else (WIDTH if len(panels) > 1 else 6.0, 4.8)
@@ -62,42 +61,10 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
                 2, len(panels), squeeze=False, sharex=True, sharey="row", height_ratios=(1.5, 1)
             )
         for column, group in enumerate(panels):
-            upper, lower = axes[:, column]
-            at, rows, out = _sorted(view, group)
-            unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
-            value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
-            base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-            upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=view.predictions[0].name)
-            if explained:
-                upper.fill_between(at, best - sigma, best + sigma, color=RENDER, alpha=0.2, linewidth=0)
-                upper.plot(at, best, color=RENDER, label=view.predictions[-1].name)
-            upper.errorbar(
-                at[~out],
-                value[~out],
-                sigma[~out],
-                fmt="o",
-                color=DATA,
-                markersize=3,
-                linewidth=0.9,
-                label="readings",
-            )
-            upper.plot(
-                at[out], value[out], "x", color=MUTED, markersize=5, label="left out" if out.any() else None
-            )
-            upper.set_title(group.label)
-            _over_decades(upper, value[~out])
-            residual_panel(lower, view, at, rows, out)
-            lower.set_xlabel(AXIS_NAMES[view.scan_axis])
+            _readings_panel(axes[:, column], view, group)
         if np.nanmax(np.abs(view.residual_sigma(0)[~view.readings.left_out])) > 15:
-            # Linear over the noise, logarithmic beyond: one axis for the misfit and for what is left of it.
             for lower in axes[1] if narrow else axes[1, :1]:
-                lower.set_yscale("symlog", linthresh=3, linscale=1)
-                lower.yaxis.set_major_formatter(
-                    FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
-                )
-                lower.yaxis.set_major_locator(
-                    FixedLocator([-100, -30, -10, -3, 0, 3, 10, 30, 100, 300, 1000])
-                )
+                _linear_over_noise(lower)
         several = "reading / largest of the scan" if len(panels) > 1 else "reading / largest"
         for one in range(len(panels) if narrow else 1):
             axes[0, one].set_ylabel("reading / largest" if narrow else several)
@@ -106,6 +73,36 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
         fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else len(names))
         say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig
+
+
+def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> None:
+    """One panel: readings and models over the largest reading, and below what the models leave."""
+    upper, lower = axes
+    at, rows, out = _sorted(view, group)
+    unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
+    value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
+    base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
+    upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=view.predictions[0].name)
+    if len(view.predictions) > 1:
+        upper.fill_between(at, best - sigma, best + sigma, color=RENDER, alpha=0.2, linewidth=0)
+        upper.plot(at, best, color=RENDER, label=view.predictions[-1].name)
+    upper.errorbar(
+        at[~out], value[~out], sigma[~out], fmt="o", color=DATA, markersize=3, linewidth=0.9, label="readings"
+    )
+    upper.plot(at[out], value[out], "x", color=MUTED, markersize=5, label="left out" if out.any() else None)
+    upper.set_title(group.label)
+    _over_decades(upper, value[~out])
+    residual_panel(lower, view, at, rows, out)
+    lower.set_xlabel(AXIS_NAMES[view.scan_axis])
+
+
+def _linear_over_noise(axis: Axes) -> None:
+    """Logarithmic beyond the noise: one axis for the misfit and for what is left of it."""
+    axis.set_yscale("symlog", linthresh=3, linscale=1)
+    axis.yaxis.set_major_formatter(
+        FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
+    )
+    axis.yaxis.set_major_locator(FixedLocator([-100, -30, -10, -3, 0, 3, 10, 30, 100, 300, 1000]))
 
 
 def steps(view: ReadingsView) -> list[tuple[int, str]]:

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from lightfield.arrays import Array
+from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW, spaced
 from lightfield.report.diagnosis.view import Separation
 from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
 
-SAME_CLASS_SIGMA, SURE_SIGMA = 3.0, 6.0
+SURE_SIGMA = 6.0
 
 
 def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, narrow: bool = False) -> Figure:
@@ -27,59 +30,25 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
     with figure(wide, 3.2) as fig:
         axis = fig.subplots()
         if noise_floor_percent is not None:
-            axis.axhspan(0, noise_floor_percent, color=GOOD, alpha=0.14, linewidth=0)
-            axis.axhline(noise_floor_percent, color=GOOD, linewidth=1.2)
-            axis.annotate(
-                f"noise floor {noise_floor_percent:.2g} %",
-                (0, noise_floor_percent),
-                (5, 4),
-                xycoords=("axes fraction", "data"),
-                textcoords="offset points",
-                color=GOOD,
-                fontsize=9.5,
-            )
+            _noise_floor(axis, noise_floor_percent)
         axis.plot(at, error, color=RENDER, marker="o", markersize=7, label="error of the fit")
         if np.isfinite(held_out).any():
-            axis.plot(
-                at,
-                held_out,
-                "D",
-                color=MUTED,
-                mfc="none",
-                markersize=6,
-                label="each plane predicted from the others",
-            )
+            each = "each plane predicted from the others"
+            axis.plot(at, held_out, "D", color=MUTED, mfc="none", markersize=6, label=each)
         shown = np.isfinite(error)  # a dark model has no error in per cent
         for k in np.flatnonzero(shown):
             axis.annotate(
-                texts[k],
-                (float(k), float(error[k])),
-                (8, 5),
-                textcoords="offset points",
-                fontsize=10,
+                texts[k], (float(k), float(error[k])), (8, 5), textcoords="offset points", fontsize=10,
                 weight="bold",
-            )
+            )  # fmt: skip
         for x, rung in zip(at, ladder, strict=True):
             if rung.rendered_error_percent is not None:
                 axis.errorbar(
-                    [x],
-                    [rung.rendered_error_percent],
-                    [rung.rendered_stderr_percent or 0.0],
-                    fmt="*",
-                    color=FORMULA,
-                    markersize=12,
-                    label="rendered afresh",
-                )
+                    [x], [rung.rendered_error_percent], [rung.rendered_stderr_percent or 0.0], fmt="*",
+                    color=FORMULA, markersize=12, label="rendered afresh",
+                )  # fmt: skip
         floor = [] if noise_floor_percent is None else [noise_floor_percent]
-        everything = np.concatenate([error[shown], held_out[np.isfinite(held_out)], floor])
-        if not everything.size:
-            axis.set_ylim(0, 1)
-        elif everything.max() > 8 * max(everything.min(), 1e-6):
-            axis.set_yscale("log")
-            axis.set_ylim(0.6 * everything.min(), 1.9 * everything.max())
-            plain_log_axis(axis.yaxis)
-        else:
-            axis.set_ylim(0, 1.18 * everything.max())
+        _over_all(axis, np.concatenate([error[shown], held_out[np.isfinite(held_out)], floor]))
         names = [_wrapped(rung.label) for rung in ladder]
         if narrow and len(ladder) > MOST_NARROW:
             axis.set_xticks(at, names, rotation=60, ha="right", rotation_mode="anchor")
@@ -91,6 +60,27 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
         handles, names = axis.get_legend_handles_labels()
         fig.legend(handles, names, loc="outside lower left", ncols=2 if len(ladder) > 1 and not narrow else 1)
     return fig
+
+
+def _noise_floor(axis: Axes, percent: float) -> None:
+    axis.axhspan(0, percent, color=GOOD, alpha=0.14, linewidth=0)
+    axis.axhline(percent, color=GOOD, linewidth=1.2)
+    axis.annotate(
+        f"noise floor {percent:.2g} %", (0, percent), (5, 4), xycoords=("axes fraction", "data"),
+        textcoords="offset points", color=GOOD, fontsize=9.5,
+    )  # fmt: skip
+
+
+def _over_all(axis: Axes, percent: Array) -> None:
+    """Let the axis reach over all that is drawn, on a logarithmic scale where that is much."""
+    if not percent.size:
+        axis.set_ylim(0, 1)
+    elif percent.max() > 8 * max(percent.min(), 1e-6):
+        axis.set_yscale("log")
+        axis.set_ylim(0.6 * percent.min(), 1.9 * percent.max())
+        plain_log_axis(axis.yaxis)
+    else:
+        axis.set_ylim(0, 1.18 * percent.max())
 
 
 def separation_figure(separation: Separation, narrow: bool = False) -> Figure:
