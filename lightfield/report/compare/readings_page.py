@@ -13,7 +13,7 @@ from lightfield.report.diagnosis.figures import data_figure, residual_map
 from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import Prediction, ReadingsView
-from lightfield.report.page import page_figure, three_digits
+from lightfield.report.page import PageFigure, page_figure, three_digits
 from lightfield.report.sections import Section, Table, study_page
 from lightfield.studies.compare.readings import FitReport
 
@@ -46,6 +46,52 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
         f"{len(rungs)} models of these readings so far, in the order in which they were tried.",
         f"Is anything missing beside the newest? p = {adequate:.2g}; small means yes.",
     ]
+    parameters = [
+        [path, f"{e.value:.5g}", "–" if e.stderr is None else f"{e.stderr:.2g}", e.unit, e.reason or ""]
+        for path, e in report.estimates.items()
+    ]
+    sections = [
+        _ladder(rungs, floor),
+        Section("Readings and model", figures=_drawn(view)),
+        Section(
+            "What was fitted",
+            tables=[
+                Table(
+                    "The newest rung.", ("parameter", "value", "error", "unit", "note"), parameters, (3, 4)
+                )
+            ],
+        ),
+    ]  # fmt: skip
+    return study_page(title, verdict, lead, sections, model.scene.to_toml())
+
+
+def _ladder(rungs: Sequence[Rung], floor: float | None) -> Section:
+    return Section(
+        "The error, rung by rung",
+        figures=[
+            page_figure(
+                "ladder",
+                "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
+                "Error of each rung against the noise floor", ladder_figure, rungs, floor,
+            )
+        ],
+        tables=[
+            Table(
+                "The models, in the order in which they were tried.",
+                ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
+                [
+                    [rung.label, three_digits(rung.error_percent), f"{rung.chi2_per_dof:.3g}",
+                     three_digits(rung.held_out_percent), rung.scene]
+                    for rung in rungs
+                ],
+                (4,),
+            )
+        ],
+    )  # fmt: skip
+
+
+def _drawn(view: ReadingsView) -> list[PageFigure]:
+    """Readings and models; and what is left by position, where that is not one line."""
     draw, where = (measured_figure, place_map) if view.is_scattered else (data_figure, residual_map)
     seen = [
         page_figure(
@@ -59,44 +105,7 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
                 where, view, narrow=not view.is_grid,
             )
         )  # fmt: skip
-    parameters = [
-        [path, f"{e.value:.5g}", "–" if e.stderr is None else f"{e.stderr:.2g}", e.unit, e.reason or ""]
-        for path, e in report.estimates.items()
-    ]
-    sections = [
-        Section(
-            "The error, rung by rung",
-            figures=[
-                page_figure(
-                    "ladder",
-                    "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
-                    "Error of each rung against the noise floor", ladder_figure, rungs, floor,
-                )
-            ],
-            tables=[
-                Table(
-                    "The models, in the order in which they were tried.",
-                    ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
-                    [
-                        [rung.label, three_digits(rung.error_percent), f"{rung.chi2_per_dof:.3g}",
-                         three_digits(rung.held_out_percent), rung.scene]
-                        for rung in rungs
-                    ],
-                    (4,),
-                )
-            ],
-        ),
-        Section("Readings and model", figures=seen),
-        Section(
-            "What was fitted",
-            tables=[
-                Table(
-                    "The newest rung.", ("parameter", "value", "error", "unit", "note"), parameters, (3, 4)
-                )
-            ],
-        ),
-    ]  # fmt: skip
-    return study_page(title, verdict, lead, sections, model.scene.to_toml())
+    return seen
 
 
 def _known(entry: Mapping[str, Any], name: str) -> float | None:
