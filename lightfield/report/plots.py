@@ -14,6 +14,7 @@ from lightfield.arrays import Array, evenly
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.readings import Readings
 from lightfield.render.picture import Picture, tone_mapped
+from lightfield.report.diagnosis.ladder import FAR_APART
 from lightfield.report.light_figures import light_map
 from lightfield.report.style import (
     FORMULA,
@@ -33,8 +34,6 @@ from lightfield.studies.compare.rings import SIGMAS
 
 #: Lines that a drawing can show apart.
 LINES = len(SERIES)
-#: Rungs whose errors lie farther apart than this are drawn on a logarithmic axis.
-_FAR_APART = 8.0
 #: A cell that holds two digits is at least so wide, inches (looked at).
 _CELL_IN = 0.22
 
@@ -63,7 +62,7 @@ def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: fl
             ax.annotate(f"{error[k]:.2g} %", (k, error[k]), (7, 5), textcoords="offset points")
     known = [v for v in (*error, noise_floor_percent) if v is not None and np.isfinite(v)]
     least, most = min(known, default=0.0), max(known, default=1.0)
-    if least > 0 and most > _FAR_APART * least:
+    if least > 0 and most > FAR_APART * least:
         ax.set_yscale("log")
         plain_log_axis(ax.yaxis)
     else:

@@ -20,7 +20,7 @@ from lightfield.fitting.position_slope import position_slope
 #: the same in two bands.
 CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
 #: So many readings are whitened as one.
-FEW = 512
+WHITENED_WHOLE = 512
 #: Shared variance that is left out between blocks, in units of the reading's own: chi-square and determinant
 #: stay right to that part (test_chain.py); and over the largest one, what rounding leaves of it, in double
 #: precision and, of many readings, in single.
@@ -143,7 +143,7 @@ class Noise:
 
     def _smooth(self, a: Labels, b: Labels, tolerance: float) -> Array:
         """Covariance of tolerated model error and diffuse light between two sets of readings."""
-        if self.layout.size > FEW and self.is_kept_whole and not self.has_modes:
+        if self.layout.size > WHITENED_WHOLE and self.is_kept_whole and not self.has_modes:
             # Asked for twice: for its rank, and for the factor.
             if tolerance not in self._whole:
                 every = np.arange(self.layout.size)

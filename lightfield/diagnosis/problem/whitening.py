@@ -12,7 +12,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.chain import ChainFactor
 from lightfield.diagnosis.problem.dense import DenseFactor
 from lightfield.diagnosis.problem.layout import Labels
-from lightfield.diagnosis.problem.noise import FEW, Noise
+from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Noise
 from lightfield.diagnosis.problem.scan import links_of
 
 #: Of many readings, so many are whitened at a time.
@@ -63,7 +63,7 @@ class Whitener:
         noise, tolerance, block = self.noise, self.tolerance, self._block
         n, size = noise.layout.size, block or BLOCK
         factor: DenseFactor | ChainFactor
-        if n <= (block or FEW) or (block is None and self._is_one(size)):
+        if n <= (block or WHITENED_WHOLE) or (block is None and self._is_one(size)):
             factor = DenseFactor(noise.covariance(self.rho, self.phi, tolerance))
         else:
             self._order = np.argsort(noise.layout.position, kind="stable")

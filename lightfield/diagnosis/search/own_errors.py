@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lightfield.diagnosis.problem.noise import FEW, Noise
+from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.profile_likelihood import restarted
@@ -30,7 +30,7 @@ def with_response_error(problem: Problem, noise: Noise, fit: Fit) -> Noise:
     """The noise with the errors that diffuse light and the lamp's table have at a fit."""
     modes, smooth = problem.forward.errors(fit.values)
     # Several bands and traces have a hundred times as many contributions as there are readings.
-    modes = as_few(modes) if noise.layout.size <= FEW else modes
+    modes = as_few(modes) if noise.layout.size <= WHITENED_WHOLE else modes
     lamp = problem.forward.lamp_errors(fit.values)
     return replace(noise, photon_modes=modes, response_error=smooth, lamp_modes=lamp if lamp.size else None)
 

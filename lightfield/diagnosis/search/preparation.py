@@ -28,7 +28,7 @@ from lightfield.diagnosis.adequacy.robust import (
 from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Adequacy, AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
-from lightfield.diagnosis.problem.noise import FEW, Budget, Noise
+from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Budget, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.quoted import errors_stated, own_part
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -288,7 +288,7 @@ def whitening(prepared: Prepared, tolerance: float) -> Whitener:
     problem, noise = prepared.problem, prepared.noise
     plain, reference, rich = prepared.richest
     about = with_response_error(problem, noise, reference)
-    if problem.layout.size <= FEW:
+    if problem.layout.size <= WHITENED_WHOLE:
         phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
     else:
         phi = scale_along(reference.residual, rich, plain, about, tolerance, problem.keep)

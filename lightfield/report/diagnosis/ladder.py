@@ -17,6 +17,8 @@ from lightfield.report.diagnosis.view import Separation
 from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
 
 SURE_SIGMA = 6.0
+#: Rungs whose errors lie farther apart than this are drawn on a logarithmic axis.
+FAR_APART = 8.0
 
 
 def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, narrow: bool = False) -> Figure:
@@ -75,7 +77,7 @@ def _over_all(axis: Axes, percent: Array) -> None:
     """Let the axis reach over all that is drawn, on a logarithmic scale where that is much."""
     if not percent.size:
         axis.set_ylim(0, 1)
-    elif percent.max() > 8 * max(percent.min(), 1e-6):
+    elif percent.max() > FAR_APART * max(percent.min(), 1e-6):
         axis.set_yscale("log")
         axis.set_ylim(0.6 * percent.min(), 1.9 * percent.max())
         plain_log_axis(axis.yaxis)
