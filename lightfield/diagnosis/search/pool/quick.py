@@ -24,6 +24,8 @@ from lightfield.fitting.least_squares import Fit, Whiten
 _DAMPING, _LEAST, _FALL, _RISE, _FAILURES, _GIVEN_UP = 1e-3, 1e-9, 10.0, 10.0, 3, 8
 #: How often slopes are taken anew before a fit counts as ended.
 _RENEWALS = 6
+#: Rounds for each parameter in which a step finds what it holds at bounds: a few do, but they might repeat.
+_ROUNDS = 3
 #: What a fit may leave of its distance from sets near the best. Chosen: what is added to it is ranked by what
 #: it would save, and what is added to is fitted to the end.
 _OF_DISTANCE = 0.01
@@ -123,14 +125,19 @@ class _Quick:
         above = (drawn > 0) & (self.u >= self.high - _AT * room)
         norm = np.linalg.norm(self.slopes, axis=0)
         free = ~below & ~above & (norm > TINY) & np.isfinite(norm)
-        step = np.zeros(len(self.u))
-        if free.any():
-            columns = self.slopes[:, free] / norm[free]
-            gram = columns.T @ columns + self.damping * np.eye(int(free.sum()))
-            step[free] = np.linalg.solve(gram, columns.T @ self.residual) / norm[free]
-        step = np.clip(self.u + step, self.low, self.high) - self.u
-        left = self.residual - self.slopes[:, free] @ step[free]
-        return step, self.chi2 - float(left @ left)
+        step, size = np.zeros(len(self.u)), norm[free]
+        columns = self.slopes[:, free] / size
+        gram, pull = columns.T @ columns, columns.T @ self.residual
+        ends = (self.low - self.u)[free] * size, (self.high - self.u)[free] * size
+        for _ in range(_GIVEN_UP):
+            step[free] = _within(gram, pull, self.damping, *ends)
+            gain = float(2 * pull @ step[free] - step[free] @ gram @ step[free])
+            if not gain < 0:
+                break
+            # Held at bounds that they are not drawn to, parameters may promise a loss; shorter steps do not.
+            self.damping *= _RISE
+        step[free] /= size
+        return np.clip(self.u + step, self.low, self.high) - self.u, gain
 
     def run(self, steps: int, tolerance: float, near: float = np.inf) -> None:
         """Steps until the next one would not be felt, see `quick_fit`."""
@@ -176,6 +183,33 @@ class _Quick:
             return np.asarray(whiten(keep[:, None] * model.jacobian(u, prediction)))
 
         return Fit(model, u, prediction, self.residual, self.chi2, differentiate, True, self.evaluations)
+
+
+def _within(gram: Array, pull: Array, damping: float, low: Array, high: Array) -> Array:
+    """Damped least squares within bounds, shape (k,): what would leave them is held there, and let go again
+    where that is against its pull (Stark and Parker 1995, Comput. Stat. 10, 129, without their way between).
+
+    Parameters
+    ----------
+    gram, pull : array, shapes (k, k) and (k,)
+        Products of the columns with each other and with the residual.
+    low, high : array, shape (k,)
+        Which hold 0.
+    """
+    damped, step, free = gram + damping * np.eye(len(pull)), np.zeros(len(pull)), np.ones(len(pull), bool)
+    for _ in range(_ROUNDS * len(pull)):
+        rest = pull[free] - damped[np.ix_(free, ~free)] @ step[~free]
+        found = np.linalg.solve(damped[np.ix_(free, free)], rest)
+        step[free] = np.clip(found, low[free], high[free])
+        inside = step[free] == found
+        free[free] = inside
+        if not inside.all():
+            continue
+        inward = (pull - damped @ step) * np.where(step > low, -1.0, 1.0) * ~free
+        if not (inward > _AT * np.abs(pull).max()).any():
+            break
+        free[int(inward.argmax())] = True
+    return step
 
 
 def quick_fit(
