@@ -56,6 +56,16 @@ def on_receivers(flux: Array, normal: Array) -> Array:
     return np.maximum(-(flux * normal).sum(axis=-1), 0.0)
 
 
+def with_back(light: Array, normal: Array) -> Array:
+    """`on_receivers` of a flux vector, and what flies back, the last component, on every receiver.
+
+    Parameters
+    ----------
+    light, normal : arrays, shape (..., n, 4) and (n, 3)
+    """
+    return on_receivers(light[..., :3], normal) + light[..., 3]
+
+
 def flux_and_slopes(scene: Scene, place_m: Array) -> tuple[Array, Array]:
     """`direct_flux`, shape (n, 3), and its slopes by the place, shape (n, 3, 3): component, direction."""
     return direct_flux(scene, place_m), by_place(lambda at: direct_flux(scene, at), place_m)

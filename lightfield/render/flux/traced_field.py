@@ -1,14 +1,16 @@
 """The light of a scene on cosine receivers of any place and orientation, in any water, fast.
 
-    E(n) = max(-n . F_direct, 0) + max(-n . F_diffuse, 0)
+    E(n) = max(-n . F_direct, 0) + max(-n . F_diffuse, 0) + E_back
 
-F_direct is the closed form. F_diffuse comes from one trace (`trace`): the tally of every history, times z^2,
+F_direct is the closed form; E_back is the diffuse light that flies back, on a plane that faces away from the
+lamp. F_diffuse comes from one trace (`trace`): the tally of every history, times z^2,
 becomes a cubic spline over x, y and z, and a new water only weighs the splines anew,
 
     F_diffuse(p) = exp(-(c - c_0) r) / z^2  sum over histories  w_h(a, b, rho, s) S_h(p),
 
-with the weights of `response`. The formula is exact while no light comes from behind a receiver's plane; the
-backward part of the light, kept beside, tells how much that can be.
+with the weights of `response`, and E_back likewise. The formula is exact for receivers that face the lamp, or
+away from it. Others read what comes from behind their plane in the same way, as if it were as much as flies
+back: between them it is a guess, none where no light comes from behind a plane.
 """
 
 from __future__ import annotations
@@ -22,7 +24,7 @@ from scipy.ndimage import map_coordinates
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.formula.path import rays
-from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers
+from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers, with_back
 from lightfield.render.backend import use_backend
 from lightfield.render.flux.history_splines import HistorySplines
 from lightfield.render.flux.spline import BEFORE, BEHIND, Splines
@@ -192,12 +194,12 @@ class TracedField:
         place, normal = np.asarray(place_m, float), np.asarray(normal, float)
         cells, factor = self.histories.cells(place), self._factor(place)
         direct, known = on_receivers(direct_flux(self.scene, place), normal), self._known_at(cells)
-        diffuse = on_receivers(known.mean.at(known.own(cells)) * factor, normal)
+        diffuse = with_back(known.mean.at(known.own(cells)) * factor, normal)
         spread = self._diffuse_batches(cells, factor, normal)
         photons = np.std(spread, axis=0, ddof=1) / np.sqrt(len(spread))
         if not self._is_doubtful:
             return direct + diffuse, photons
-        doubt = on_receivers(known.doubt.at(known.own(cells)) * factor, normal)
+        doubt = with_back(known.doubt.at(known.own(cells)) * factor, normal)
         return direct + diffuse, np.hypot(photons, doubt)
 
     def batches(self, place_m: Array, normal: Array) -> Array:
@@ -209,8 +211,8 @@ class TracedField:
     def _diffuse_batches(self, cells: Array, factor: Array, normal: Array) -> Array:
         """What `batches` adds to the direct light."""
         known = self._known_at(cells)
-        flux = known.batches.at(known.own(cells)).reshape(len(cells), 3, -1) * factor[:, :, None]
-        return on_receivers(np.moveaxis(flux, -1, 0), normal)
+        flux = known.batches.at(known.own(cells)).reshape(len(cells), 4, -1) * factor[:, :, None]
+        return with_back(np.moveaxis(flux, -1, 0), normal)
 
     def reading(self, place_m: Array, normal: Array) -> Array:
         """`irradiance` without its errors."""
@@ -218,10 +220,10 @@ class TracedField:
         direct = on_receivers(direct_flux(self.scene, place), normal)
         cells = self.histories.cells(place)
         known = self._known_at(cells)
-        return direct + on_receivers(known.mean.at(known.own(cells)) * self._factor(place), normal)
+        return direct + with_back(known.mean.at(known.own(cells)) * self._factor(place), normal)
 
     def fluxes(self, place_m: Array) -> list[tuple[Array, Array]]:
-        """Flux vectors of direct and of diffuse light, and their slopes by the place.
+        """Flux vectors of direct and of diffuse light, what of it flies back, and their slopes by the place.
 
         Parameters
         ----------
@@ -230,18 +232,20 @@ class TracedField:
         Returns
         -------
         list of (flux, slopes)
-            Shapes (n, 3), 1/m^2, and (n, 3, 3), 1/m^3: component, then direction.
+            Shapes (n, k), 1/m^2, and (n, k, 3), 1/m^3: component, then direction; k is 3 of direct light, and
+            4 of diffuse light with what flies back.
         """
         place = np.asarray(place_m, float)
         cells = self.histories.cells(place)
         known = self._known_at(cells)
         both = known.mean.with_slopes(known.own(cells))  # [n, value and by z y x, component]
-        signs = self.histories.signs(place)
+        mirrored = self.histories.signs(place)
+        signs = np.column_stack([mirrored, np.ones(len(place))])
         around = by_place(lambda at: self._along(at)[:, None], place)[:, 0]
         along = self._along(place)[:, None]
         flux = both[:, 0] * signs
         slopes = np.swapaxes(both[:, :0:-1], 1, 2) / self.histories.step_m  # by x, y and z
-        slopes = slopes * signs[:, :, None] * signs[:, None, :]
+        slopes = slopes * signs[:, :, None] * mirrored[:, None, :]
         slopes = slopes * along[:, :, None] + flux[:, :, None] * around[:, None, :]
         return [flux_and_slopes(self.scene, place), (flux * along, slopes)]
 
@@ -250,11 +254,12 @@ class TracedField:
         place = np.asarray(place_m, float)
         at = self.histories.cells(place).T
         found = [map_coordinates(one, at, order=3, prefilter=False, mode="nearest") for one in self._mean]
-        return np.stack(found, axis=1) * np.column_stack([self._factor(place), self._along(place)])
+        return np.stack(found, axis=1) * self._factor(place)
 
     def _factor(self, place: Array) -> Array:
-        """What the splines of the flux vector leave out, shape (n, 3)."""
-        return self._along(place)[:, None] * self.histories.signs(place)
+        """What the splines of the flux vector and of what flies back leave out, shape (n, 4)."""
+        along = self._along(place)[:, None]
+        return np.hstack([along * self.histories.signs(place), along])
 
     def _along(self, place: Array) -> Array:
         """Of it, what is alike for all: another water on the straight way, and 1 / z^2."""
@@ -355,13 +360,13 @@ class _Layers:
 
     @cached_property
     def mean(self) -> Splines:
-        return Splines.of(self.weighed(self._response.tally[:3]))
+        return Splines.of(self.weighed(self._response.tally))
 
     @cached_property
     def doubt(self) -> Splines:
-        return Splines.of(self.weighed(self._response.tally[:3], uncertain=True))
+        return Splines.of(self.weighed(self._response.tally, uncertain=True))
 
     @cached_property
     def batches(self) -> Splines:
-        flux = self.field.histories.parts_of(self.z)[:3]
+        flux = self.field.histories.parts_of(self.z)
         return Splines.of(self.weighed(flux.reshape(-1, *flux.shape[2:])))

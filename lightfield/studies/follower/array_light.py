@@ -201,11 +201,14 @@ class ArrayModel:
         arm, facing = _by_angles(elements, poses, [k - 3 for k in turned])  # [angle, m, n, 3]
         read, slopes = np.zeros(shape), np.zeros((*shape, len(names)))
         for flux, by_place in self.light.fluxes(place.reshape(-1, 3)):
-            light, gradient = flux.reshape(*shape, 3), by_place.reshape(*shape, 3, 3)
+            # What flies back, where it is known, is read whatever a receiver faces.
+            read += flux[:, 3:].sum(axis=1).reshape(shape)
+            back = by_place[:, 3:].sum(axis=1).reshape(*shape, 3)
+            light, gradient = flux[:, :3].reshape(*shape, 3), by_place[:, :3].reshape(*shape, 3, 3)
             one = -(light * normal).sum(axis=-1)
             seen = one > 0
             read += np.where(seen, one, 0.0)
-            along = -(normal[:, :, None, :] @ gradient)[:, :, 0] * seen[..., None]  # by x, y, z
+            along = back - (normal[:, :, None, :] @ gradient)[:, :, 0] * seen[..., None]  # by x, y, z
             lit = light * seen[..., None]
             for k, name in enumerate(names):
                 if name in POSE[:3]:

@@ -305,7 +305,9 @@ def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) 
     radius = np.hypot(x - x0, y - y0)
     inside = radius <= np.minimum(frame.tangent * z, frame.radius_m)
     place, lamp = np.stack([x, y, z], axis=1)[inside], scene.lamp
-    tally = response.tally.reshape(*response.tally.shape[:2], len(COMPONENTS), -1)[:, :, :3, inside]
+    every = response.tally.reshape(*response.tally.shape[:2], len(COMPONENTS), -1)[..., inside]
+    # Receivers face the lamp, more or less: they read what flies back as they do what flies along z.
+    tally = every[:, :, :3] + every[:, :, 3:] * np.array([0.0, 0.0, 1.0], every.dtype)[:, None]
     straight = response.straight_m.reshape(len(COMPONENTS), 1, -1)[:3, :, inside]
     here = replace(response, tally=tally.reshape(*tally.shape[:2], -1), straight_m=straight)
     # Noise of a cell's light over its light, roughly: few photons are far away, and aside.

@@ -89,7 +89,7 @@ def test_slopes_are_those_of_the_light(place: Array) -> None:
     slopes = light.fluxes(place)[1][1]
     for axis in range(3):
         off = step * np.eye(3)[axis]
-        expected = (light.diffuse_flux(place + off) - light.diffuse_flux(place - off))[:, :3] / (2 * step)
+        expected = (light.diffuse_flux(place + off) - light.diffuse_flux(place - off)) / (2 * step)
         np.testing.assert_allclose(slopes[:, :, axis], expected, rtol=2e-3, atol=1e-4)
 
 

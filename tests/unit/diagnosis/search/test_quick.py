@@ -33,7 +33,7 @@ def test_a_step_cut_at_the_bounds_still_gains(seed: int) -> None:
 
 
 def test_fits_that_end_at_bounds_are_the_best_within_them() -> None:
-    """Thirty of six effects that are nearly one, in narrow ranges; steps cut at bounds left seven too early."""
+    """Six effects that are nearly one, in narrow ranges: steps cut at bounds ended 7 of 30 too early."""
     for seed in range(30):
         rng, lay = np.random.default_rng(seed), layout(5, 24)
         common = 5 * rng.standard_normal(lay.size)
