@@ -124,7 +124,10 @@ def as_text(scene: Scene) -> str:
     for effect in (*all_of(scene).values(), *curves().values()):
         lines.append(f"{effect.name} ({effect.family}): {effect.physics}")
         if effect.is_free_form:
-            lines.append(f"    a curve, of which these are special cases: {', '.join(effect.contains)}")
+            of = (
+                f", of which these are special cases: {', '.join(effect.contains)}" if effect.contains else ""
+            )
+            lines.append(f"    a curve{of}")
         for form in effect.forms:
             paths = [f.path for f in (*form.amplitudes, *form.shapes)]
             said = f"{paths[0]} to {paths[-1]}" if effect.is_free_form else ", ".join(paths)

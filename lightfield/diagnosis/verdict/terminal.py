@@ -31,9 +31,9 @@ def as_text(verdict: Verdict) -> str:
             numbers += f"{_short(rung.held_out_percent):>12}{part:>11}"
             lines.append(f"{rung.label:<28}{numbers}")
             if rung.rendered_error_percent is not None:
-                about = (
-                    f"{_short(rung.rendered_error_percent):>9} +- {_short(rung.rendered_stderr_percent or 0)}"
-                )
+                about = f"{_short(rung.rendered_error_percent):>9}"
+                if rung.rendered_stderr_percent:  # none where nothing was traced
+                    about += f" +- {_short(rung.rendered_stderr_percent)}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
     lines += _found(verdict.found)

@@ -24,6 +24,8 @@ from lightfield.diagnosis.verdict.words.effects import follows_any, instead, lev
 MANY: Final = 3
 #: Explanations, or effects asked for, that the sentence names one by one.
 _NAMED = 4
+#: Why a size is not known.
+_NO_SIZE: Final = {Reason.UNDETERMINED, Reason.TOO_WIDE}
 #: Errors within these factors of the stated ones are "as stated".
 _AS_STATED = 0.8, 1.25
 
@@ -76,7 +78,7 @@ def _of_kind(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRiv
     if v.verdict == "none":
         return _none(v)
     if len(v.found) >= MANY:
-        return _many(v.found)
+        return _many(v, [one for one in v.found if one.effect not in stated.against(v.stated)])
     if v.verdict == "identified":
         return _identified(v, told[0], rival)
     return _one_of(v, told, rival) if len(told) > 1 else _perhaps(v, told[0])
@@ -103,7 +105,7 @@ def _perhaps(v: Findings, one: AcceptedExplanation) -> Said:
         but = "only with a parameter at the edge of what is plausible"
     elif not v.determined:
         but = "with as many parameters as there are readings anything can"
-    elif reasons & {Reason.UNDETERMINED, Reason.TOO_WIDE}:
+    elif reasons & _NO_SIZE:
         but = "these readings do not determine its size"
     elif any(map(follows_any, v.found)):
         but = "so would it nearly any readings at these places: it is a curve as free as they are"
@@ -129,18 +131,30 @@ def _one_of(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRiva
     return reduce(Said.then, others, first)
 
 
-def _many(found: Sequence[FoundEffect]) -> Said:
-    """The effects of the best set, each by what is known of it."""
+def _many(v: Findings, found: Sequence[FoundEffect]) -> Said:
+    """The effects of the best set that are missing in the model, each by what is known of it."""
     sure = [one.effect for one in found if one.level in ("certain", "simplest")]
     certain = [one.effect for one in found if one.level == "certain"]
     support = [f"Certain: {join(certain)}."] if certain else []
     support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == "simplest"]
     slots = "; ".join(_slot(one) for one in found if one.level == "one of")
     if not slots:
-        return Said.of(f"{capital(join(sure))} are missing in the model.", *support)
+        if but := _unsure(found) if v.verdict == "ambiguous" else None:
+            what = f"Perhaps {join(sure)}: they would explain the misfit, but {but}."
+            return Said.of(what, *support)
+        return Said.of(f"{_missing(sure)}." if sure else "Nothing else is missing in the model.", *support)
     if not sure:
         return Said.of(f"Several effects are missing in the model: {slots}.")
     return Said.of(f"{_missing(sure)}; also {slots}.", *support)
+
+
+def _unsure(found: Sequence[FoundEffect]) -> str | None:
+    """Why effects without others in their place are no answer: their sizes."""
+    vague = [o.effect for o in found if {e.reason for e in o.parameters.values()} & _NO_SIZE]
+    ends = [o.effect for o in found if Reason.AT_BOUNDARY in {e.reason for e in o.parameters.values()}]
+    if ends:
+        return f"only with {join(ends)} at the edge of what is plausible"
+    return f"these readings do not determine the size of {join(vague)}" if vague else None
 
 
 def _slot(one: FoundEffect) -> str:

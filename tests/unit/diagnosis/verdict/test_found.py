@@ -17,7 +17,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool.equivalences import TABLE
-from lightfield.diagnosis.verdict.parts import Misfit
+from lightfield.diagnosis.verdict.parts import Estimate, Misfit, Reason, StatedEffect
 from lightfield.diagnosis.verdict.speech import Said
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import effects
@@ -166,6 +166,29 @@ def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
         for n, level in zip("abc", levels, strict=True)
     ]
     assert words_of(findings("identified", explanation("a", "b", "c"), found=found)).headline == headline
+
+
+def test_what_the_readings_refute_is_not_missing() -> None:
+    """An effect of the scene among the three of the best set, at a size of none."""
+    refuted = StatedEffect(
+        effect="c", judgement="absent", stated={"lamp.c": 0.02}, fitted={"lamp.c": Estimate(value=0.0)},
+        neutral={"lamp.c": 0.0}, limit=0.001, sigma_from_stated=20.0, sigma_to_remove=0.1,
+    )  # fmt: skip
+    found = [effect(name, "certain") for name in "abc"]
+    said = words_of(findings("identified", explanation("a", "b", "c"), found=found, stated=[refuted]))
+    assert said.sentence.startswith("Your scene's c is not in the readings (lamp.c < 0.001, not 0.02).")
+    assert "A and b are missing in the model" in said.sentence and "Certain: a and b." in said.sentence
+
+
+def test_three_whose_sizes_are_not_known_are_not_said_to_be_missing() -> None:
+    vague = effect("b", "simplest").model_copy(
+        update={"parameters": {"lamp.b": Estimate(value=9.0, reason=Reason.UNDETERMINED)}}
+    )
+    found = [effect("a", "certain"), vague, effect("c", "simplest")]
+    said = words_of(findings("ambiguous", explanation("a", "b", "c"), found=found))
+    assert said.headline == (
+        "Perhaps a, b and c: they would explain the misfit, but these readings do not determine the size of b."
+    )
 
 
 def test_rivals_are_told_of_effects_that_all_explanations_have() -> None:
