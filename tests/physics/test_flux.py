@@ -62,7 +62,7 @@ def test_tilted_receivers_read_the_flux_vector(field: TracedField, tilt_deg: flo
 
 
 def test_light_that_walls_send_back_is_read() -> None:
-    """A seventh of the diffuse light on the axis of a small bright tank: facing the lamp, and away from it."""
+    """A seventh of the diffuse light on the axis of a small bright tank, facing the lamp or away from it."""
     tank = {"width_m": 2.0, "depth_m": 2.0, "length_m": 8.0, "wall_albedo": 0.6}
     water = {"absorption_per_m": 0.1, "scattering_per_m": 0.15}
     scene = Scene.from_dict(

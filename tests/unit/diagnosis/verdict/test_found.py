@@ -187,7 +187,8 @@ def test_three_whose_sizes_are_not_known_are_not_said_to_be_missing() -> None:
     found = [effect("a", "certain"), vague, effect("c", "simplest")]
     said = words_of(findings("ambiguous", explanation("a", "b", "c"), found=found))
     assert said.headline == (
-        "Perhaps a, b and c: they would explain the misfit, but these readings do not determine the size of b."
+        "Perhaps a, b and c: they would explain the misfit, "
+        "but these readings do not determine the size of b."
     )
 
 
