@@ -56,14 +56,28 @@ def on_receivers(flux: Array, normal: Array) -> Array:
     return np.maximum(-(flux * normal).sum(axis=-1), 0.0)
 
 
+def seen_of_back(normal: Array) -> Array:
+    """Part of the light that flies back which cosine receivers read beside their side of the flux vector.
+
+    Of light that is alike from all of a hemisphere a tilted plane sees (1 + cos) / 2 (Liu and Jordan 1963,
+    Solar Energy 7, 53): all where it faces the lamp or away from it, half where it stands along the beam.
+
+    Parameters
+    ----------
+    normal : array, shape (..., 3)
+        Outward unit normals.
+    """
+    return np.asarray(0.5 * (1.0 + np.abs(normal[..., 2])))
+
+
 def with_back(light: Array, normal: Array) -> Array:
-    """`on_receivers` of a flux vector, and what flies back, the last component, on every receiver.
+    """`on_receivers` of a flux vector, and what they read of the light that flies back, the last component.
 
     Parameters
     ----------
     light, normal : arrays, shape (..., n, 4) and (n, 3)
     """
-    return on_receivers(light[..., :3], normal) + light[..., 3]
+    return on_receivers(light[..., :3], normal) + seen_of_back(normal) * light[..., 3]
 
 
 def flux_and_slopes(scene: Scene, place_m: Array) -> tuple[Array, Array]:

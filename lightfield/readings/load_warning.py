@@ -187,7 +187,7 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.RESTLESS: _restless,
     Remarks.UNDIVIDED: "exposures go from {shortest_s:g} to {longest_s:g} s, and no value is divided by them",
     Remarks.COMMON_FLICKER: "the lamp flickers: all bands of a spectrum are off together by {percent:.2g} % "
-    "of a reading, which is reckoned with (common_percent)",
+    "of a reading, as the column common_percent says to every analysis",
 }
 _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "shorten the exposure there",

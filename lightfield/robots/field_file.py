@@ -2,10 +2,11 @@
 
 A cosine receiver of outward normal n, somewhere in the grid, reads
 
-    E = I0 [max(-n . F_direct, 0) + max(-n . F_diffuse, 0)]
+    E = I0 [max(-n . F_direct, 0) + max(-n . F_diffuse, 0) + E_back (1 + |n_z|) / 2]
 
-with F interpolated, best as F z^2, and I0 the lamp's radiant intensity on its axis (an attribute, W/sr within
-the band). Frame: lamp at the origin, z along the beam, x horizontal, y up.
+with F interpolated, best as F z^2; E_back, what flies back, is `backward` in the file (`seen_of_back`). I0 is
+the lamp's radiant intensity on its axis (an attribute, W/sr within the band). Frame: lamp at the origin, z
+along the beam, x horizontal, y up.
 """
 
 from __future__ import annotations
@@ -86,8 +87,9 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = 1e7, seed: int
     Returns
     -------
     xarray.Dataset
-        Over (z, y, x): `flux_direct_x` and so on, `flux_diffuse_x` and so on with `..._stderr`, 1/m^2, and
-        `backward`, the diffuse irradiance of a plane that faces away from the lamp. CF attributes.
+        Over (z, y, x): `flux_direct_x` and so on, `flux_diffuse_x` and so on and
+        `backward`, the diffuse irradiance of a plane that faces away from the lamp, with `..._stderr`, 1/m^2.
+        CF attributes.
 
     Raises
     ------
@@ -115,18 +117,16 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = 1e7, seed: int
         variables[f"flux_direct_{axis}"] = _variable(
             direct[:, k], x.shape, f"flux vector of light straight from the lamp, {axis} component"
         )
-        variables[f"flux_diffuse_{axis}"] = _variable(
-            diffuse[:, k], x.shape, f"flux vector of scattered and reflected light, {axis} component"
-        )
-        variables[f"flux_diffuse_{axis}_stderr"] = _variable(
-            stderr[:, k], x.shape, f"standard error of flux_diffuse_{axis} by the photons"
-        )
-    variables["backward"] = _variable(
-        diffuse[:, 3], x.shape, "irradiance by scattered and reflected light on a plane that faces away"
-    )
-    for axis in _AXES:
-        own = variables[f"flux_diffuse_{axis}"][2]
-        own["ancillary_variables"] = f"flux_diffuse_{axis}_stderr"
+    traced = {
+        f"flux_diffuse_{axis}": f"flux vector of scattered and reflected light, {axis} component"
+        for axis in _AXES
+    }
+    traced["backward"] = "irradiance by scattered and reflected light on a plane that faces away"
+    for k, (name, meaning) in enumerate(traced.items()):
+        error = f"{name}_stderr"
+        variables[name] = _variable(diffuse[:, k], x.shape, meaning)
+        variables[name][2]["ancillary_variables"] = error
+        variables[error] = _variable(stderr[:, k], x.shape, f"standard error of {name} by the photons")
     coords = {
         name: (name, values, {"units": "m", "long_name": words})
         for name, values, words in (
@@ -155,8 +155,9 @@ def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | floa
         "title": f"Light field of {scene.name or 'a lamp'}",
         "source": f"lightfield {__version__}: Monte Carlo light transport; direct light in closed form",
         "comment": "For unit radiant intensity on the lamp's axis. A cosine receiver of outward unit normal "
-        "n reads max(-n . flux_direct, 0) + max(-n . flux_diffuse, 0). Right-handed frame, lamp at the "
-        "origin: z along the beam, x horizontal, y up. Interpolate the flux times z squared.",
+        "n reads max(-n . flux_direct, 0) + max(-n . flux_diffuse, 0) + backward (1 + |n_z|) / 2. "
+        "Right-handed frame, lamp at the origin: z along the beam, x horizontal, y up. Interpolate light "
+        "times z squared.",
         "radiant_intensity_on_axis_w_per_sr": float(intensity),
         "band_nm": f"{low:g} {high:g}",
         "wavelength_nm": float(at[0]),

@@ -1,6 +1,6 @@
 """The light of a scene on cosine receivers of any place and orientation, in any water, fast.
 
-    E(n) = max(-n . F_direct, 0) + max(-n . F_diffuse, 0) + E_back
+    E(n) = max(-n . F_direct, 0) + max(-n . F_diffuse, 0) + E_back (1 + |n_z|) / 2
 
 F_direct is the closed form; E_back is the diffuse light that flies back, on a plane that faces away from the
 lamp. F_diffuse comes from one trace (`trace`): the tally of every history, times z^2,
@@ -9,8 +9,8 @@ becomes a cubic spline over x, y and z, and a new water only weighs the splines 
     F_diffuse(p) = exp(-(c - c_0) r) / z^2  sum over histories  w_h(a, b, rho, s) S_h(p),
 
 with the weights of `response`, and E_back likewise. The formula is exact for receivers that face the lamp, or
-away from it. Others read what comes from behind their plane in the same way, as if it were as much as flies
-back: between them it is a guess, none where no light comes from behind a plane.
+away from it. Others read less of what flies back, as if it came alike from all sides (`seen_of_back`): up to
+60 degrees all light is right to 0.2 % in open water and 1.5 % between bright walls (test_flux.py).
 """
 
 from __future__ import annotations

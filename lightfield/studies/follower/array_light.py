@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers
+from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers, seen_of_back
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
@@ -201,14 +201,17 @@ class ArrayModel:
         arm, facing = _by_angles(elements, poses, [k - 3 for k in turned])  # [angle, m, n, 3]
         read, slopes = np.zeros(shape), np.zeros((*shape, len(names)))
         for flux, by_place in self.light.fluxes(place.reshape(-1, 3)):
-            # What flies back, where it is known, is read whatever a receiver faces.
-            read += flux[:, 3:].sum(axis=1).reshape(shape)
-            back = by_place[:, 3:].sum(axis=1).reshape(*shape, 3)
+            # What flies back, where it is known.
+            back, part = flux[:, 3:].sum(axis=1).reshape(shape), seen_of_back(normal)
+            back_by_place = by_place[:, 3:].sum(axis=1).reshape(*shape, 3)
+            read += part * back
             light, gradient = flux[:, :3].reshape(*shape, 3), by_place[:, :3].reshape(*shape, 3, 3)
             one = -(light * normal).sum(axis=-1)
             seen = one > 0
             read += np.where(seen, one, 0.0)
-            along = back - (normal[:, :, None, :] @ gradient)[:, :, 0] * seen[..., None]  # by x, y, z
+            along = -(normal[:, :, None, :] @ gradient)[:, :, 0] * seen[..., None]  # by x, y, z
+            along += part[..., None] * back_by_place
+            turning = 0.5 * np.sign(normal[..., 2]) * back
             lit = light * seen[..., None]
             for k, name in enumerate(names):
                 if name in POSE[:3]:
@@ -216,6 +219,7 @@ class ArrayModel:
                 else:
                     angle = turned.index(POSE.index(name))
                     slopes[..., k] += (along * arm[angle]).sum(-1) - (lit * facing[angle]).sum(-1)
+                    slopes[..., k] += turning * facing[angle][..., 2]
         return self.gain * read, self.gain * slopes
 
     @cached_property

@@ -8,6 +8,7 @@ import pytest
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument, LightAtReadings, in_doubt, measure
 from lightfield.formula.closed_form import direct_field
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 
@@ -83,3 +84,20 @@ def test_a_displaced_reading_moves_by_its_direct_light() -> None:
     clear, murky = (read(light, 0.001) - read(light, 1e-12) for light in (direct, 10 * direct))
     assert np.abs(clear).max() > 0.003
     np.testing.assert_allclose(murky, 0.1 * clear, atol=1e-5)
+
+
+def test_what_a_layout_says_that_bands_share_is_drawn_once_for_a_spectrum() -> None:
+    """Two bands of 400 places: 2 % together and 0.5 % by itself, and both in the standard error."""
+    scene = Scene.from_dict({"detector": {"bands_nm": [[500.0, 560.0]]}})
+    rng, n = np.random.default_rng(1), 400
+    x = rng.uniform(-0.1, 0.1, n)
+    table = Readings.from_arrays(
+        x_m=np.repeat(x, 2), z_m=4.5, wavelength_nm=np.tile([510.0, 550.0], n), value=np.ones(2 * n),
+        time_s=np.repeat(np.arange(n), 2), common_percent=2.0,
+    ).check_against(scene)  # fmt: skip
+    light = direct_field(scene, table.x_m, table.y_m, table.z_m, table.wavelength_nm)
+    made, clean = measure(scene, table, LightAtReadings(light), Instrument(noise=0.005), rng)
+    off = (made.value / clean - 1).reshape(n, 2)
+    assert np.std(off.mean(axis=1)) == pytest.approx(np.hypot(0.02, 0.005 / np.sqrt(2)), rel=0.1)
+    assert np.std(off[:, 0] - off[:, 1]) == pytest.approx(0.005 * np.sqrt(2), rel=0.1)
+    assert np.median(made.stderr / made.value) == pytest.approx(np.hypot(0.02, 0.005), rel=0.03)

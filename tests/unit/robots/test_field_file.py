@@ -45,7 +45,8 @@ def read(data: xr.Dataset, place: np.ndarray, normal: np.ndarray) -> np.ndarray:
             axis=1,
         )
         total += np.maximum(-(flux * normal).sum(axis=1), 0) / place[:, 2] ** 2
-    return total
+    back = RegularGridInterpolator(axes, data.backward.values * axes[0][:, None, None] ** 2)(place[:, ::-1])
+    return total + back / place[:, 2] ** 2 * (1 + np.abs(normal[:, 2])) / 2
 
 
 def test_a_receiver_reads_from_the_file_what_it_reads_in_the_field(stored) -> None:
@@ -66,9 +67,9 @@ def test_every_number_says_what_it_is(stored) -> None:
     """CF: units and a name for every variable, errors as ancillary variables, conventions and source."""
     for name, variable in stored.variables.items():
         assert variable.attrs["units"] in ("m", "m-2") and variable.attrs["long_name"], name
-    for axis in "xyz":
-        assert stored[f"flux_diffuse_{axis}"].ancillary_variables == f"flux_diffuse_{axis}_stderr"
-        assert 0 < float(stored[f"flux_diffuse_{axis}_stderr"].max()) < float(stored.flux_diffuse_z.max())
+    for name in ("flux_diffuse_x", "flux_diffuse_y", "flux_diffuse_z", "backward"):
+        assert stored[name].ancillary_variables == f"{name}_stderr"
+        assert 0 < float(stored[f"{name}_stderr"].max()) < float(stored.flux_diffuse_z.max())
     assert stored.Conventions.startswith("CF-1") and "lightfield" in stored.source
     assert stored.attrs["absorption_per_m"] == 0.05 and stored.attrs["scattering_per_m"] == 0.1
     assert stored.attrs["radiant_intensity_on_axis_w_per_sr"] > 0
