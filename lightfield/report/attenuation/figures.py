@@ -22,6 +22,8 @@ from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Content
 
+#: Errors of stays that are all smaller are told with two decimals.
+SMALL_PERCENT = 0.1
 #: Distances and colours that a figure can show apart.
 LINES = 6
 
@@ -38,8 +40,9 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
             left.errorbar(colour, value, error, color=RENDER, marker="o", capsize=3)
         least = int(np.argmin(value))
         left.annotate(
-            f"least: {value[least]:.1f} ± {error[least]:.1f} % at {colour[least]:g} nm",
-            (colour[least], value[least]), (0, -22), textcoords="offset points", ha="center", color=RENDER,
+            f"least: {value[least]:.1f} ± {max(error[least], 0.1):.1f} % at {colour[least]:g} nm",
+            (colour[least], value[least]), (0, -22), textcoords="offset points", color=RENDER,
+            ha="left" if colour[least] < colour.mean() else "right",
         )  # fmt: skip
         low, high = left.get_ylim()
         left.set_ylim(min(low, value[least] - 0.25 * (high - low)), high)
@@ -60,7 +63,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
             value, error = one.percent(float(d))
             shade = SERIES[k % len(SERIES)]
             right.fill_between(colour, value - error, value + error, color=shade, alpha=0.2, linewidth=0)
-            right.plot(colour, value, color=shade, marker=marker, markersize=3, label=f"{d:g} m")
+            right.plot(colour, value, color=shade, marker=marker, markersize=3, label=f"{d:.3g} m")
         right.axvspan(500, 550, color=MUTED, alpha=0.12, linewidth=0)
         right.legend(title="distance", loc="best")
         label(right, "wavelength (nm)", "% lost", "… and over each distance")
@@ -86,10 +89,12 @@ def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
         for colour in range(scaled.shape[1]):
             lower.plot(r.path_m, scaled[:, colour], ".", color=DATA, alpha=0.4, markersize=4)
         lower.axhline(0, color=MUTED, linewidth=0.8)
-        twin = 100 * e.beta
-        for place, value in zip(r.path_m, twin[r.stay], strict=True):
+        stays = 100 * e.beta[: len(r.stay_stderr)]
+        decimals = 1 if np.abs(stays).max() >= SMALL_PERCENT else 2
+        for k, value in enumerate(stays):
+            told = f"{value:+.{decimals}f} %".replace("-", "\N{MINUS SIGN}")
             lower.annotate(
-                f"{value:+.1f} %".replace("-", "\N{MINUS SIGN}"), (place, 0.97), ha="center", va="top",
+                told, (r.path_m[r.stay == k].mean(), 0.97), ha="center", va="top",
                 xycoords=("data", "axes fraction"), fontsize=8.5, color=FORMULA,
             )  # fmt: skip
         lower.margins(x=0.09)

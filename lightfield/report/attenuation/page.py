@@ -51,7 +51,8 @@ def attenuation_page(found: Attenuation) -> str:
     scene = first.ratios.scene
     lead = (
         "Readings in water divided by readings in air at the same places, or by the formula where there "
-        "are none. Errors are standard errors; those of a stay at a distance are common to all wavelengths.",
+        "are none. Errors are standard errors; those of a stay at a distance, and of a lamp that flickers, "
+        "are common to all wavelengths.",
     )
     title = f"{scene.name or 'Water'}: attenuation"
     return study_page(title, headline(first), lead, sections, scene.to_toml())

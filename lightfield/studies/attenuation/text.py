@@ -85,7 +85,7 @@ def table_rows(one: Apparent, most: int = SHOWN) -> list[list[str]]:
 def table_head(one: Apparent) -> tuple[str, ...]:
     """Heads of `table_rows`."""
     near, far = float(one.ratios.path_m.min()), float(one.ratios.path_m.max())
-    return ("nm", "K (1/m)", "lost per m", f"lost over {near:g} m", f"lost over {far:g} m")
+    return ("nm", "K (1/m)", "lost per m", f"lost over {near:.3g} m", f"lost over {far:.3g} m")
 
 
 def fit_sentence(one: Apparent) -> str:
