@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
+from lightfield.diagnosis.problem.unknowns import with_unknowns
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.cascade import Finding, search
@@ -184,7 +185,41 @@ def _with_more_effects(inquiry: Inquiry, known: Knowledge, progress: Progress) -
         early = _settled(inquiry, known, progress)
         if early.finding.accepted:
             return replace(early, data=early.data_in_its_light, is_settled=True)
-    return _beyond_two(inquiry, known, known.prepared, progress)
+    more = _beyond_two(inquiry, known, known.prepared, progress, thorough=False)
+    if more.finding.accepted or more.finding.many is None:
+        return more
+    beside = _beside_unknowns(inquiry, more, progress)
+    if beside is not None and _is_simpler(beside.finding, more.finding):
+        return beside  # of more effects than these some imitate anything
+    if more.finding.many.at_first_sight:
+        more = _beyond_two(inquiry, known, known.prepared, progress)
+    return more if more.finding.accepted or beside is None else beside
+
+
+def _beside_unknowns(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge | None:
+    """What explains the readings beside a local unknown, if something does; not of many readings, nor of what
+    is no beam."""
+    saturated = np.asarray(inquiry.readings.saturated, bool)
+    doubt = trust_of(known.prepared, known.finding, saturated, np.random.default_rng(inquiry.seed)).doubt
+    of_some = doubt is None or doubt.reason is DoubtReason.SET_ASIDE
+    if known.problem.layout.size > MANY or not of_some:
+        return None
+    progress("effects beside local unknowns")
+    problem, unknown = with_unknowns(known.data_in_its_light.problem, inquiry.readings)
+    data = replace(known.data, problem=replace(problem, candidates=(*problem.candidates, *unknown)))
+    base = known.finding.level.base
+    prepared = replace(known.prepared, problem=data.problem, explanation=(), reference=base)
+    found = _beyond_two(inquiry, replace(known, data=data), prepared, progress, thorough=False)
+    if not found.finding.accepted:
+        return None
+    names = tuple(dict.fromkeys(c.name for c in unknown))
+    return found.now(found.prepared, replace(found.finding, unknown=names))
+
+
+def _is_simpler(finding: Finding, other: Finding) -> bool:
+    """Does an explanation take fewer effects than a set that explains less?"""
+    best, more = finding.best, other.closest
+    return best is not None and more is not None and len(best.explanation) < len(more.explanation)
 
 
 def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
@@ -197,11 +232,13 @@ def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress)
     return more if explains and variance_scale(more.prepared, more.finding) < _MENDS * scale else known
 
 
-def _beyond_two(inquiry: Inquiry, known: Knowledge, prepared: Prepared, progress: Progress) -> Knowledge:
+def _beyond_two(
+    inquiry: Inquiry, known: Knowledge, prepared: Prepared, progress: Progress, thorough: bool = True
+) -> Knowledge:
     alpha, seed = inquiry.alpha, inquiry.seed
     if says_nothing(prepared, known.finding):
         return known.now(prepared, known.finding)
-    return known.now(*beyond_two(known.data, prepared, known.finding, alpha, seed, progress))
+    return known.now(*beyond_two(known.data, prepared, known.finding, alpha, seed, progress, thorough))
 
 
 def _settled(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
@@ -246,4 +283,5 @@ def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:
         finding = replace(finding, errors_of_set=finding.best.errors)
     if also is not None:
         finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])
-    return Outcome(known.now(prepared, unnamed.in_errors(finding)), trust, also)
+    finding = unnamed.in_errors(finding)
+    return Outcome(known.now(prepared, finding.open_beside_unknown()), trust, also)

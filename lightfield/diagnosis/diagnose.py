@@ -311,7 +311,7 @@ def _diagnose(inquiry: Inquiry, advise: bool, progress: SoFar) -> Diagnosis:
     best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]
     progress("errors of planes held out")
-    explanation, phi = best.explanation if best else (), finding.level.bench.phi
+    explanation, phi = best.explanation if best else (), finding.level.bench.phi * prepared.excess
     steps = climb(prepared.problem, explanation, finding.whiten, starts, phi, advise)
     progress("rivals, limits and advice")
     lamp = calibration.judged_power(prepared, known.problem, finding)

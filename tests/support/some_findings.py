@@ -45,8 +45,8 @@ def effect(name: str, level: str, *alternatives: list[str], hardly_tested: bool 
     )  # fmt: skip
 
 
-def rung(removed: float | None) -> Rung:
+def rung(removed: float | None, *effects: str) -> Rung:
     return Rung(
-        label="base", effects=[], error_percent=1.0, chi2_per_dof=1.0, held_out_percent=None, parameters={},
-        scene="", removed_percent=removed,
+        label="base", effects=list(effects), error_percent=1.0, chi2_per_dof=1.0, held_out_percent=None,
+        parameters={}, scene="", removed_percent=removed,
     )  # fmt: skip

@@ -84,6 +84,8 @@ class Finding:
         There was an answer, but for readings that no effect reaches.
     many : Many, optional
         The best set of any number of effects, and how sure each of them is.
+    unknown : sequence of str
+        Local unknowns that were sought like effects: they say where the rest is, and not what.
     base_errors : mapping
         Standard errors by path of the base model, where it is the answer.
     errors_of_set : mapping
@@ -100,6 +102,7 @@ class Finding:
     withheld: bool = False
     in_part: bool = False
     many: Many | None = None
+    unknown: Sequence[str] = ()
     base_errors: Mapping[str, float] = field(default_factory=dict)
     errors_of_set: Mapping[str, float] = field(default_factory=dict)
 
@@ -116,6 +119,19 @@ class Finding:
         many = replace(many, adequate=False, evidence=evidence(many.pool, many.best, adequate=False))
         tried = [best, *(t for t in self.tried if t is not best)]
         return replace(self, size=None, accepted=[], weights=[], tried=tried, in_part=True, many=many)
+
+    def open_beside_unknown(self) -> Finding:
+        """The same, unexplained where the best set holds a local unknown: what is certain beside it is so as
+        far as an unexplained rest allows."""
+        many, first, unknown = self.many, self.accepted, self.unknown
+        if self.closest is None or set(unknown).isdisjoint(self.closest.names):
+            return replace(self, unknown=() if self.best is None else unknown)
+        if many is not None:
+            known = many.evidence if first else evidence(many.pool, many.best, adequate=False)
+            mine = [e.in_part() if first else e for e in known if e.candidate.name not in unknown]
+            many = replace(many, adequate=False, evidence=mine)
+        tried = [*first, *(t for t in self.tried if not any(t is one for one in first))]
+        return replace(self, size=None, accepted=[], weights=[], tried=tried, many=many)
 
     @property
     def best(self) -> Tried | None:
@@ -136,13 +152,18 @@ class Finding:
     @property
     def closest(self) -> Tried | None:
         """The best explanation, or the best set where it leaves something unexplained."""
-        partly = (self.in_part or self.beyond_two) and not self.withheld
+        partly = (self.in_part or self.unknown or self.beyond_two) and not self.withheld
         return self.best or (self.tried[0] if partly else None)
+
+    @property
+    def adequate(self) -> Tried | None:
+        """Beside what nothing is missing: the best explanation, or effects with a local unknown."""
+        return self.closest if self.unknown else self.best
 
     @property
     def whiten(self) -> Whiten:
         """Whitening under which the best explanation was judged."""
-        told = self.closest if self.in_part else self.best
+        told = self.closest if self.in_part or self.unknown else self.best
         test = told.test if told else None
         return test.whiten if test is not None else self.level.bench.whiten
 
@@ -169,10 +190,12 @@ class Finding:
 
     @property
     def _rivalled(self) -> bool:
-        """Does a set of named effects, of any number, cost hardly more without one of the answer's?"""
+        """Does a set of named effects, of any number, cost hardly more without one of the answer's, or one
+        with a curve less?"""
         answer = {c.key for c in self.accepted[0].explanation}
         known = self.many.evidence if self.many is not None else ()
-        return any(e.candidate.key in answer and e.gap_named <= GAP for e in known)
+        near = (e for e in known if e.candidate.key in answer)
+        return any(e.gap_named <= GAP or e.gap < -GAP for e in near)
 
 
 def level_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Level:

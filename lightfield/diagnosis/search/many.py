@@ -33,6 +33,7 @@ def beyond_two(
     alpha: float,
     seed: int,
     progress: Progress,
+    thorough: bool = True,
 ) -> tuple[Prepared, Finding]:
     """What any number of effects explain, and noise and outliers as judged about them.
 
@@ -42,8 +43,10 @@ def beyond_two(
         That no one or two effects explain the readings.
     seed : int
         Of the bootstrap.
+    thorough : bool
+        Go on where the first sets miss the readings by far.
     """
-    many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress)
+    many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress, thorough)
     bench, base = many.bench, many.base.fit
     level = Level(many.tolerance, bench, base, bench.test(base))
     best = Tried(many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test)

@@ -104,6 +104,7 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
 def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[AcceptedExplanation]:
     finding, problem, level = found.finding, found.prepared.problem, found.finding.level
     counted, n = bright(problem), int(problem.keep.sum())
+    quoted = level.bench.phi * found.prepared.excess
     out = []
     for k, (tried, weight) in enumerate(zip(finding.accepted, finding.weights, strict=True)):
         assert tried.adequacy is not None
@@ -123,7 +124,7 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
                 forms=[c.form.name for c in tried.explanation],
                 weight=weight,
                 parameters=estimates(tried.fit, tried.adequacy.phi, units, tried.errors, of_set),
-                chi2_per_dof=tried.fit.chi2 * level.bench.phi / max(n - len(tried.fit.u), 1),
+                chi2_per_dof=tried.fit.chi2 * quoted / max(n - len(tried.fit.u), 1),
                 error_percent=finite(percent(problem, tried.fit.prediction, counted)),
                 held_out_percent=finite(left_out),
                 adequacy_p=tried.adequacy.p,
@@ -137,7 +138,7 @@ def _limits(
 ) -> dict[str, DetectionLimit]:
     best = finding.best
     adequacy = best.adequacy if best is not None and best.adequacy is not None else finding.level.adequacy
-    named = {c.name for c in best.explanation} if best else set()
+    named = {*(best.names if best else ()), *finding.unknown}
     limits = detection_limits(adequacy, adequacy.phi)
     if also is not None:
         limits[also.candidate.name] = also.limit
@@ -196,7 +197,7 @@ def _left_open(found: Found, kind: Kind, advise: bool) -> _LeftOpen:
     if best is None:
         if kind != "unexplained" or finding.withheld or finding.in_part:
             return _LeftOpen()
-        local = left_over(prepared, finding, found.readings) if advise else []
+        local = left_over(prepared, finding, found.readings) if advise or finding.unknown else []
         misfit, advice = unexplained(prepared, finding, local)
         return _LeftOpen(None, advice, misfit, along(misfit, [one.record for one in local]))
     rival, near = None, None

@@ -115,6 +115,9 @@ class FoundEffect(Record):
         default_factory=list,
         description="effects at an end of their range: were they larger, this one would not be needed",
     )
+    other_lamp: bool = Field(
+        False, description="a lamp of another shape would do what it and others of the set do"
+    )
     weight: float = Field(1.0, description="share of exp(-cost/2) of all sets with it; decides nothing")
     hardly_tested: bool = Field(
         False, description="a curve that would follow nearly any readings at these places"

@@ -121,6 +121,8 @@ class Effect:
         Parameters of the base model that it takes the place of: held in the middle of their range.
     contains : tuple of str
         Of a free-form curve: effects that are special cases of it, and are never combined with it.
+    apart_from : tuple of str
+        Other effects that it is never combined with.
     """
 
     name: str
@@ -132,6 +134,7 @@ class Effect:
     needs: tuple[Need, ...] = ()
     instead_of: tuple[str, ...] = ()
     contains: tuple[str, ...] = ()
+    apart_from: tuple[str, ...] = ()
 
     @property
     def is_free_form(self) -> bool:
@@ -157,7 +160,8 @@ class Effect:
         """Can both be in one explanation? See `TOGETHER`."""
         clash = (self.direct_only and other.diffuse) or (self.diffuse and other.direct_only)
         special = other.name in self.contains or self.name in other.contains
-        return self.name != other.name and not clash and not special
+        apart = other.name in self.apart_from or self.name in other.apart_from
+        return self.name != other.name and not clash and not special and not apart
 
     @property
     def paths(self) -> tuple[str, ...]:

@@ -15,8 +15,8 @@ from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH,
 DASHED = (0, (5, 2))
 #: Bands are drawn so wide, in standard errors.
 BAND = 2.0
-#: Local unknowns that are drawn beside each other.
-SHOWN = 2
+#: Local unknowns that are drawn beside each other, and how far their bands, over the farthest departure.
+SHOWN, _REACH = 2, 1.5
 
 
 def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
@@ -80,5 +80,9 @@ def left_figure(left: Sequence[LeftOver], narrow: bool = False) -> Figure:
             percent_axis(axes.yaxis)
             what = f"{one.name.replace('_', ' ')}: {one.removed_percent:.0f} % of what is left"
             label(axes, f"{one.coordinate} ({UNITS[one.coordinate]})", "light that is left", what)
+        # Where the readings do not tell a parameter the band would leave nothing to be seen of the rest.
+        reach = 1 + _REACH * max(np.abs(np.array([*one.factor, *one.read]) - 1).max() for one in shown)
+        low, high = axes.get_ylim()
+        axes.set_ylim(max(low, 2 - reach), min(high, reach))
         fig.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=1 if narrow else 2)
     return fig

@@ -37,6 +37,9 @@ _SEED = 6000
 #: Sets are compared in light traced within so many errors of where the best lies, for the tolerance too after
 #: so many rounds at most. Chosen: in light of other water they hold effects that describe what it has wrong.
 _NEAR, _ROUNDS_WITHIN = 1.0, 3
+#: Chi-square over that of the noise from which on a set misses the readings by far. Chosen: what lacks one of
+#: several effects leaves more.
+_FAR = 2.0
 #: Traces until one set stays where it was traced, at most; most take one or two.
 _TRACES = 4
 
@@ -55,6 +58,8 @@ class Many:
         Nothing is missing beside it.
     sought : bool
         It was sought here; else it was found before, and only its rivals were.
+    at_first_sight : bool
+        The first sets miss the readings by far, and others were not sought.
     """
 
     prepared: Prepared
@@ -67,6 +72,7 @@ class Many:
     adequate: bool
     evidence: Sequence[Evidence]
     sought: bool = True
+    at_first_sight: bool = False
 
 
 @dataclass(frozen=True)
@@ -188,7 +194,12 @@ def _wider(pool: Pool, best: Node) -> None:
 
 
 def search_many(
-    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress
+    data: Data,
+    begun: Prepared,
+    alpha: float,
+    rng: np.random.Generator,
+    progress: Progress,
+    thorough: bool = True,
 ) -> Many:
     """The best set, and how sure its effects are.
 
@@ -199,9 +210,11 @@ def search_many(
     ----------
     begun : Prepared
         Noise to begin with, and what describes the readings best so far.
+    thorough : bool
+        Go on where the first sets miss the readings by far.
     """
     if data.problem.sample is not None:
-        return _of_sample(data, begun, alpha, rng, progress)
+        return _of_sample(data, begun, alpha, rng, progress, thorough)
     found = Node(begun.explanation, begun.reference)
     data, found = _followed(data, found, Whitener(begun.noise), begun.problem.keep, _SEED)
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
@@ -209,6 +222,9 @@ def search_many(
     pool = _pool(ground, found, progress)
     _first(pool)
     found = pool.best()
+    if not thorough and _is_far(prepared, data.budget.tolerance, found):
+        base, adequacy = pool.nodes[frozenset()], made.test(found.fit)
+        return Many(prepared, made, 0.0, pool, found, base, adequacy, False, (), at_first_sight=True)
     for k in range(_ROUNDS):
         before = found
         seed = _SEED + (1 + k) * _TRACES
@@ -253,7 +269,7 @@ def search_many(
 
 
 def _of_sample(
-    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress, thorough: bool
 ) -> Many:
     """What a sample of many readings finds, fitted to all of them and tested on them."""
     assert data.problem.sample is not None
@@ -261,9 +277,8 @@ def _of_sample(
     part = replace(data, problem=some, quoted=data.quoted[rows], whole=data.problem)
     u = begun.reference.u
     first = some.fit(begun.explanation, Whitener(begun.noise.subset(rows)), [u], max_steps=0)
-    found = search_many(
-        part, prepare_about(some, part.quoted, data.budget, begun.explanation, first), alpha, rng, progress
-    )
+    there = prepare_about(some, part.quoted, data.budget, begun.explanation, first)
+    found = search_many(part, there, alpha, rng, progress, thorough)
     progress(f"{len(found.best.explanation)} effects fitted to all {data.problem.layout.size} readings")
     best, whole = found.best, Whitener(begun.noise)
     data = data.following(best.fit, _SEED + (1 + _ROUNDS + _ROUNDS_WITHIN) * _TRACES)
@@ -330,3 +345,11 @@ def _tested(pool: Pool, made: Bench, found: Node, alpha: float) -> tuple[Node, A
             found = pool.best()
             adequacy = made.test(found.fit)
     return found, adequacy
+
+
+def _is_far(prepared: Prepared, tolerance: float, found: Node) -> bool:
+    """Does a set miss the readings by far more than their noise and the tolerance?"""
+    made, ground = _ground(prepared, tolerance, np.random.default_rng(0), found)
+    problem = prepared.problem
+    residual = made.whiten(problem.keep * (problem.value - found.fit.prediction))
+    return float(residual @ residual) > _FAR * ground.phi * (problem.keep.sum() - len(found.fit.u))

@@ -59,6 +59,8 @@ class Evidence:
         Share of exp(-cost/2) of all sets that holds it; counts parsimony as evidence, and decides nothing.
     beyond : tuple of str
         Effects at the end of their range: were they larger, this one would not be needed.
+    other_lamp : bool
+        A lamp of another shape would do what it and others of the set do.
     """
 
     candidate: Candidate
@@ -72,11 +74,16 @@ class Evidence:
     without: Node | None
     weight: float
     beyond: tuple[str, ...] = ()
+    other_lamp: bool = False
 
     @property
     def is_claimed(self) -> bool:
         """Is it the answer, or the simplest one?"""
         return self.level in ("certain", "simplest")
+
+    def in_part(self) -> Evidence:
+        """The same where the set holds something of which only the place is known."""
+        return replace(self, level="partial" if self.level == "certain" else "one of")
 
     def against(self, weighing: Weighing, rival: Node) -> Evidence:
         """The same of a claimed effect where one more set does without it."""
@@ -166,6 +173,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     sigma = np.sqrt(max(rest.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi) if rest else float("nan")
     level: Level
     like_water = water_may_do_it(pool, best, candidate)
+    other_lamp = adequate and may_be_another_lamp(pool, best, candidate)
     if candidate.is_hardly_tested or like_water:  # that it fits says nothing: any would
         level = "one of"
     elif not adequate:
@@ -175,11 +183,12 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     elif beyond or _at_edge(pool, best, candidate):
         level = "one of"
     else:
-        most: Level = "simplest" if may_be_another_lamp(pool, best, candidate) else "certain"
+        most: Level = "simplest" if other_lamp else "certain"
         level = _weaker(_claim(gap, gap_named, gap_plus), most)
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
-        _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name), beyond,
+        _alternatives(weighing, name, (_K_OF_Z,) if like_water else ()), rest, weighing.weight(name),
+        beyond, other_lamp,
     )  # fmt: skip
 
 

@@ -34,7 +34,9 @@ def found_effects(
         return []
     known = {e.candidate.key: e for e in (finding.many.evidence if finding.many else ())}
     records = [
-        _record(forward, c, known.get(c.key), closest.fit, values, finding) for c in closest.explanation
+        _record(forward, c, known.get(c.key), closest.fit, values, finding)
+        for c in closest.explanation
+        if c.name not in finding.unknown
     ]
     return sorted(records, key=lambda r: -(r.sigma_to_remove or 0.0))
 
@@ -72,6 +74,7 @@ def _record(
             "rival": sorted(one.rival.names) if one.rival is not None else [],
             "alternatives": [list(names) for names in one.alternatives],
             "beyond": list(one.beyond),
+            "other_lamp": one.other_lamp,
             "weight": one.weight,
             "without_it": None if one.without is None else _water_and_beam(forward, one.without.fit),
         }

@@ -8,27 +8,27 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 
 import numpy as np
 
 from lightfield.arrays import Array, finite
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
-from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
+from lightfield.diagnosis.adequacy.subspace import TINY
+from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
+from lightfield.diagnosis.problem.unknowns import with_unknowns
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.preparation import Prepared, whitened_test
+from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.trust import error_scale
-from lightfield.fitting.effects.local import ALONG, local_unknowns
-from lightfield.fitting.effects.own import effects_of
-from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.effects.local import ALONG
+from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.readings import Readings
 from lightfield.scene.own.own_effect import OwnEffect, Places
 
@@ -36,8 +36,6 @@ from lightfield.scene.own.own_effect import OwnEffect, Places
 _LEAST_REMOVED_PERCENT = 20.0
 #: Points of a curve, and the step of a parameter, in its standard error, by which its error is found.
 _POINTS, _STEP = 121, 0.1
-#: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
-_PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
 #: So many effects are left out, and so many added, of those of which a linear model promises most. Chosen.
 _TRIED = 2
 #: Times are told in minutes.
@@ -57,8 +55,10 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings) -> list[
     """Local unknowns beside the best set or what is certain of it, the best first; none of many readings."""
     if prepared.problem.layout.size > MANY:
         return []
+    if finding.unknown:
+        return _in_set(prepared, finding)
     pool, node, local = _pool(prepared, finding, readings)
-    noise, forward = pool.ground.phi, pool.problem.forward
+    noise = pool.ground.phi
     spare = max(int(pool.problem.keep.sum()) - len(node.fit.u), 1)
     rest = max(node.fit.chi2 - noise * spare, 0.0)
     known = [node, *_certain(pool, finding, node)]
@@ -73,28 +73,47 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings) -> list[
     for name, made in sorted(best.items(), key=lambda item: pool.cost(item[1])):
         share = 100 * (node.fit.chi2 - made.fit.chi2) / rest if rest > 0 else 0.0
         if share > _LEAST_REMOVED_PERCENT:
-            record = _record(pool, forward, made, name, share)
+            passes = bool(pool.ground.test(made.fit).passes(ALPHA))
+            beside = sorted(n for n in made.names if n != name)
+            record = _record(pool.problem, made.fit, beside, name, share, noise, passes)
             out.append(Local(record, made.explanation, made.fit))
     return out
 
 
+def _in_set(prepared: Prepared, finding: Finding) -> list[Local]:
+    """Local unknowns of the best set, and of others that explain the readings as it does."""
+    out: dict[str, Local] = {}
+    for one in finding.tried:
+        if one.adequacy is None or not (one is finding.closest or one.adequacy.passes(ALPHA)):
+            continue
+        for name in set(finding.unknown) & set(one.names) - set(out):
+            out[name] = _of_set(prepared.problem, one, name, finding.whiten)
+    return list(out.values())
+
+
+def _of_set(problem: Problem, one: Tried, name: str, whiten: Whiten) -> Local:
+    assert one.adequacy is not None
+    fit, phi = one.fit, one.adequacy.phi
+    rest = tuple(c for c in one.explanation if c.name != name)
+    known = dict(zip(fit.paths, fit.u, strict=True))
+    start = np.array([known[p.path] for p in problem.model(rest).parameters])
+    without = problem.fit(rest, whiten, [start])
+    left = max(without.chi2 - phi * max(int(problem.keep.sum()) - len(fit.u), 1), TINY)
+    share = 100 * (without.chi2 - fit.chi2) / left
+    beside, passes = sorted(c.name for c in rest), one.adequacy.passes(ALPHA)
+    record = _record(problem, fit, beside, name, share, phi, passes)
+    return Local(record, one.explanation, fit)
+
+
 def _pool(prepared: Prepared, finding: Finding, readings: Readings) -> tuple[Pool, Node, Explanation]:
     """Sets on the ground on which the finding was judged, the best of them, and the local unknowns."""
-    problem, level = prepared.problem, finding.level
-    forward = problem.forward
-    forward = forward.with_light(forward.light.with_effects(local_unknowns(readings)))
-    mine = [e for e in effects_of(forward.scene) if e.name in ALONG]
-    low, high = forward.scene.detector.bands_nm[0]
-    signal = float(np.max(np.abs(problem.value[problem.keep > 0])))
-    setting = Setting(forward.scene, problem.layout, signal, float(high - low), forward.gains.is_absolute)
-    possible, _ = candidates(setting, mine, [p.path for p in problem.base])
-    local = tuple(map(_finely, possible))
+    level, (problem, local) = finding.level, with_unknowns(prepared.problem, readings)
     closest = finding.closest
     explanation = closest.explanation if closest else ()
     fit = closest.fit if closest else level.base
     # What was set aside as slips may be the very place where something stands.
     keep = np.where(np.asarray(readings.saturated), 0.0, 1.0)
-    wider = replace(problem, forward=forward, keep=keep, candidates=(*explanation, *local), curves=())
+    wider = replace(problem, keep=keep, candidates=(*explanation, *local), curves=())
     # A misfit without any smoothness was taken for noise: what is noise is here for the quoted errors to say.
     test = whitened_test(wider, Whitener(prepared.noise, 0.0, 1.0, 0.0), np.random.default_rng(0))
     pool = Pool(Ground(test, error_scale(prepared, finding), level.adequacy.nu))
@@ -126,20 +145,10 @@ def _fitting(whole: Pool, node: Node, kept: Candidate, known: Explanation) -> No
         node = best
 
 
-def _finely(candidate: Candidate) -> Candidate:
-    """With starts as near to each other as a narrow structure needs."""
-    along = {"width": _WIDTHS, "duration": _WIDTHS, "z0": _DISTANCES}
-    points = [
-        np.geomspace(max(p.low, _LEAST), p.high, along.get(p.path.rpartition(".")[2], _PLACES) + 2)[1:-1]
-        if p.path.endswith(("width", "duration", "period"))
-        else np.linspace(p.low, p.high, along.get(p.path.rpartition(".")[2], _PLACES))
-        for p in candidate.shapes
-    ]
-    return replace(candidate, grid=tuple(tuple(map(float, at)) for at in product(*points)))
-
-
-def _record(pool: Pool, forward: SceneForward, node: Node, name: str, share: float) -> LeftOver:
-    problem, fit, phi = pool.problem, node.fit, pool.ground.phi
+def _record(
+    problem: Problem, fit: Fit, beside: list[str], name: str, share: float, phi: float, adequate: bool
+) -> LeftOver:
+    forward = problem.forward
     own = next(e for e in forward.scene.effect if e.name == name)
     scale = max(phi, fit.chi2 / max(int(problem.keep.sum()) - len(fit.u), 1))
     told = estimates(fit, scale, units_of(forward.scene))
@@ -150,9 +159,9 @@ def _record(pool: Pool, forward: SceneForward, node: Node, name: str, share: flo
     read_at, read = _read(problem, forward.readings, fit, name)
     return LeftOver(
         name=name, formula=own.formula, stage=own.stage, coordinate=ALONG[name],
-        beside=sorted(n for n in node.names if n != name), parameters=mine, removed_percent=min(share, 100.0),
+        beside=beside, parameters=mine, removed_percent=min(share, 100.0),
         error_percent=finite(percent(problem, fit.prediction, bright(problem))),
-        adequate=bool(pool.ground.test(fit).passes(ALPHA)),
+        adequate=adequate,
         at=(at * _UNIT.get(ALONG[name], 1.0)).tolist(), factor=factor.tolist(), stderr=stderr.tolist(),
         read_at=(read_at * _UNIT.get(ALONG[name], 1.0)).tolist(), read=read.tolist(),
     )  # fmt: skip

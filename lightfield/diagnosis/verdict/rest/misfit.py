@@ -77,12 +77,12 @@ def unexplained(
     problem = prepared.problem
     # A misfit without any smoothness was taken for noise: what is noise is then for the quoted errors to say.
     scale, plain = error_scale(prepared, finding), Whitener(prepared.noise, 0.0, 1.0, 0.0)
+    found = [_local(problem, plain, one, scale) for one in local[:1]]
     beside = [_refitted(problem, finding, plain)]
-    if finding.closest is not None:
+    if finding.closest is not None and not finding.unknown:
         beside.append((finding.closest.explanation, _linear(problem, finding.closest.fit, plain)))
-    found = [d for effects, fit in beside for d in _factors(problem, plain, effects, fit, scale)]
-    if local:
-        found.append(_local(problem, plain, local[0], scale))
+    if not finding.unknown:
+        found += [d for effects, fit in beside for d in _factors(problem, plain, effects, fit, scale)]
     best = min(found, key=lambda d: d.score, default=None)
     prediction = beside[0][1].prediction if best is None else best.prediction
     z = np.abs(problem.keep * (problem.value - prediction) / prepared.noise.sigma)
@@ -148,13 +148,16 @@ def _local(problem: Problem, plain: Whitener, one: Local, scale: float) -> _Desc
     residual = plain(problem.keep * (problem.value - one.fit.prediction))
     score = float(residual @ residual) / scale + _numbers(problem, one.explanation)
     record = one.record
-    # A step is where it begins, all else where it departs most.
-    slope = np.abs(np.gradient(record.factor)), np.abs(np.array(record.factor) - 1.0)
-    worst = int(np.argmax(slope[0] if record.coordinate == "time" else slope[1]))
+    # A step is where it begins, all else where the readings depart most.
+    along, size = np.array(record.at), np.abs(np.array(record.factor) - 1.0)
+    if record.coordinate == "time":
+        size = np.abs(np.gradient(record.factor))
+    elif record.read_at:
+        size, along = np.interp(record.read_at, along, size), np.array(record.read_at)
     period = record.parameters.get("period")
     misfit = Misfit(
         coordinate=record.coordinate,
-        worst_at=record.at[worst],
+        worst_at=float(along[size.argmax()]),
         period_deg=None if period is None else period.value,
         like=record.name,
     )

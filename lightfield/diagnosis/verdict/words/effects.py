@@ -12,6 +12,8 @@ _SPOKEN = 50.0
 #: Every water has some.
 _SCATTERING = "scattering"
 _WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
+#: A lamp of any shape.
+_CURVE = "beam_profile"
 #: What may replace an effect, of which so many are told.
 _ALTERNATIVES_TOLD = 3
 
@@ -47,6 +49,8 @@ def instead(one: FoundEffect) -> str:
     told = [_with(names) for names in one.alternatives[:_ALTERNATIVES_TOLD]]
     if one.beyond:
         told.insert(0, f"more {_with(one.beyond)} than is held plausible")
+    if one.other_lamp and not any(_CURVE in names for names in one.alternatives):
+        told.append("a lamp of another shape")
     return " or ".join(told)
 
 
@@ -80,11 +84,12 @@ def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "
     misfit : str
         Of what, where not of all readings: " of the others".
     """
-    removed = sum(rung.removed_percent or 0.0 for rung in ladder)
-    if not found or removed < _SPOKEN:
+    names, certain = [one.effect for one in found], [one.effect for one in found if one.level == "partial"]
+    # What a local unknown removes is not theirs.
+    theirs = (rung for rung in ladder if rung.effects and rung.effects[-1] in names)
+    removed = sum(rung.removed_percent or 0.0 for rung in theirs)
+    if not found or (removed < _SPOKEN and not certain):
         return ()
-    certain = [one.effect for one in found if one.level == "partial"]
-    names = [one.effect for one in found]
     verb = "removes" if len(names) == 1 else "remove"
     what = f"{capital(join(names))} {verb} {removed:.3g} % of the misfit{misfit}"
     known = f"Certain so far: {join(certain)}." if certain else "None of these is certain so far."

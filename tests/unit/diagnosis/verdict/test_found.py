@@ -17,7 +17,7 @@ from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool.equivalences import TABLE
-from lightfield.diagnosis.verdict.parts import Estimate, Misfit, Reason, StatedEffect
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Misfit, Reason, StatedEffect
 from lightfield.diagnosis.verdict.speech import Said
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import effects
@@ -207,18 +207,23 @@ def test_two_effects_are_told_by_their_explanation() -> None:
 
 
 def test_what_is_said_of_the_unexplained() -> None:
-    """Only where the set removes half of the misfit."""
+    """Only where the set removes half of the misfit, or something of it is certain."""
     found = [effect("a", "partial"), effect("b", "one of")]
 
-    def said(misfit: Misfit, *removed: float) -> Said:
-        ladder = [rung(None), *map(rung, removed)]
+    def said(misfit: Misfit, *removed: float, found: list[FoundEffect] = found) -> Said:
+        names = "a", "b", "dip_in_x"
+        ladder = [rung(None), *(rung(part, *names[: k + 1]) for k, part in enumerate(removed))]
         return words_of(findings("unexplained", found=found, ladder=ladder, misfit=misfit))
 
     misfit = Misfit(coordinate="x", worst_at=0.3)
     told = said(misfit, 90.0, 5.0)
     assert told.headline == "Unexplained in part: it depends on x alone, most near 0.3 m."
     assert told.support[:2] == ("A and b remove 95 % of the misfit.", "Certain so far: a.")
-    assert said(misfit, 40.0).headline.startswith("Unexplained by any known effects;")
+    unsure = [effect("a", "one of"), effect("b", "one of")]
+    assert said(misfit, 40.0, found=unsure).headline.startswith("Unexplained by any known effects;")
+    assert said(misfit, 40.0).headline.startswith("Unexplained in part:")
+    # What a local unknown removes is not what the effects do.
+    assert said(misfit, 30.0, 10.0, 60.0).support[0] == "A and b remove 40 % of the misfit."
     like = said(misfit.model_copy(update={"like": "dip_in_x"}), 90.0)
     assert like.headline == "Unexplained in part: it looks like a dip in x, near x = 0.3 m."
 

@@ -207,10 +207,14 @@ def test_same_seed_same_verdict() -> None:
 
 
 def test_what_nothing_explains_is_not_removed() -> None:
-    """Beside a shadow a drift and a tilt remove their parts of the misfit: what is left is no noise."""
+    """Beside two shadows a drift and a tilt remove their parts of the misfit: what is left is no noise."""
+
+    def shade(table: Readings, x_m: float) -> np.ndarray:
+        return np.asarray(1 - 0.3 * np.exp(-(((table.x_m - x_m) / 0.06) ** 2)) * (table.z_m > 5))
+
     table, scene = readings(
         {"lamp.tilt_x_deg": 0.3, "lamp.drift_per_hour": -0.4}, seed=1, noise=0.002,
-        factor=lambda t: 1 - 0.3 * np.exp(-(((t.x_m - 0.15) / 0.06) ** 2)) * (t.z_m > 5),
+        factor=lambda t: shade(t, 0.15) * shade(t, -0.3),
     )  # fmt: skip
     only = ["beam_tilt", "lamp_drift", "background"]
     verdict = diagnose(table, scene, diffuse=None, only=only, advise=False).verdict

@@ -1,0 +1,51 @@
+"""Local unknowns as candidates: where the rest is that no effect of the table explains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.fitting.effects.local import local_unknowns
+from lightfield.fitting.effects.own import effects_of
+from lightfield.readings import Readings
+
+#: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
+_PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
+
+
+def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explanation]:
+    """The problem in a scene that may hold a local unknown, and these as candidates: one at a time.
+
+    What the scene has by the same name, a hypothesis of the user's, is none.
+    """
+    forward = problem.forward
+    known = {effect.name for effect in forward.scene.effect}
+    unknown = [effect for effect in local_unknowns(readings) if effect.name not in known]
+    forward = forward.with_light(forward.light.with_effects(unknown))
+    names = {effect.name for effect in unknown}
+    low, high = forward.scene.detector.bands_nm[0]
+    signal = float(np.max(np.abs(problem.value[problem.keep > 0])))
+    setting = Setting(forward.scene, problem.layout, signal, float(high - low), forward.gains.is_absolute)
+    mine = [
+        replace(effect, apart_from=tuple(names - {effect.name}))
+        for effect in effects_of(forward.scene)
+        if effect.name in names
+    ]
+    possible, _ = candidates(setting, mine, [p.path for p in problem.base])
+    return replace(problem, forward=forward), tuple(map(_finely, possible))
+
+
+def _finely(candidate: Candidate) -> Candidate:
+    """With starts as near to each other as a narrow structure needs."""
+    along = {"width": _WIDTHS, "duration": _WIDTHS, "z0": _DISTANCES}
+    points = [
+        np.geomspace(max(p.low, _LEAST), p.high, along.get(p.path.rpartition(".")[2], _PLACES) + 2)[1:-1]
+        if p.path.endswith(("width", "duration", "period"))
+        else np.linspace(p.low, p.high, along.get(p.path.rpartition(".")[2], _PLACES))
+        for p in candidate.shapes
+    ]
+    return replace(candidate, grid=tuple(tuple(map(float, at)) for at in product(*points)))

@@ -1,0 +1,58 @@
+"""Effects beside something that no table has: they are as they are, and the rest is told by its place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from analytic_readings import readings
+
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.readings import Readings
+
+BACKGROUND, OFFSET_M = 0.01, 0.04
+#: A pole takes a third of the light at x = 0.15 m.
+DEPTH, PLACE_M, WIDTH_M = 0.33, 0.15, 0.08
+#: With some that would imitate it, for the time's sake not all.
+ASKED = [
+    "background", "beam_offset", "beam_tilt", "beam_shape", "beam_skirt", "saturation", "lamp_drift",
+    "acceptance", "beam_profile",
+]  # fmt: skip
+
+
+def pole(table: Readings) -> np.ndarray:
+    return np.asarray(1 - DEPTH * np.exp(-(((table.x_m - PLACE_M) / WIDTH_M) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    hidden = {"detector.background": BACKGROUND, "lamp.offset_x_m": OFFSET_M}
+    table, believed = readings(hidden, factor=pole, seed=4, layout="fine")
+    return diagnose(table, believed, diffuse=None, only=ASKED)
+
+
+def test_they_are_certain_as_far_as_the_rest_allows(found: Diagnosis) -> None:
+    verdict = found.verdict
+    assert verdict.verdict == "unexplained"
+    assert sorted(verdict.best_set) == sorted(verdict.partial) == ["background", "beam_offset"]
+    sizes = {path: e for one in verdict.found for path, e in one.parameters.items()}
+    for path, true in (("lamp.offset_x_m", OFFSET_M), ("detector.background", BACKGROUND)):
+        assert abs(sizes[path].value - true) < 4 * sizes[path].stderr, path
+    assert "Certain so far: " in verdict.sentence
+
+
+def test_the_rest_is_told_by_its_place_and_size(found: Diagnosis) -> None:
+    verdict = found.verdict
+    best = verdict.left_over[0]
+    assert (best.name, best.beside, best.adequate) == ("dip_in_x", ["background", "beam_offset"], True)
+    for name, true in (("depth", DEPTH), ("x0", PLACE_M), ("width", WIDTH_M)):
+        assert abs(best.parameters[name].value - true) < 4 * best.parameters[name].stderr, name
+    assert verdict.misfit is not None and verdict.misfit.like == "dip_in_x"
+    assert abs(verdict.misfit.worst_at - PLACE_M) < WIDTH_M
+    assert "dip_in_x" not in verdict.detection_limits and "dip_in_x" not in verdict.hindrances
+
+
+def test_the_ladder_falls_to_the_noise(found: Diagnosis) -> None:
+    ladder = found.verdict.ladder
+    assert {rung.label for rung in ladder[1:]} == {"+ background", "+ beam_offset", "+ dip_in_x"}
+    assert ladder[-1].chi2_per_dof == pytest.approx(1, abs=0.2)
+    assert sum(rung.removed_percent or 0 for rung in ladder) == pytest.approx(100, abs=1)
