@@ -42,6 +42,8 @@ from lightfield.scene import Scene
 #: part of it that they leave then. Chosen: by chance one set of 60 readings in 300 scatters so much; where
 #: errors are stated half as large as they are all is left.
 _TOO_SMALL, _MENDS = 1.5, 0.6
+#: Where no one or two effects will do, known ones are so many at least.
+_FEWEST = 3
 
 
 @dataclass(frozen=True)
@@ -197,12 +199,9 @@ def _with_more_effects(inquiry: Inquiry, known: Knowledge, progress: Progress) -
 
 
 def _beside_unknowns(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge | None:
-    """What explains the readings beside a local unknown, if something does; not of many readings, nor of what
-    is no beam."""
-    saturated = np.asarray(inquiry.readings.saturated, bool)
-    doubt = trust_of(known.prepared, known.finding, saturated, np.random.default_rng(inquiry.seed)).doubt
-    of_some = doubt is None or doubt.reason is DoubtReason.SET_ASIDE
-    if known.problem.layout.size > MANY or not of_some:
+    """What explains the readings beside a local unknown, if something does that may be believed; not of many
+    readings, nor of what is no beam."""
+    if known.problem.layout.size > MANY or _doubt(inquiry, known) not in (None, DoubtReason.SET_ASIDE):
         return None
     progress("effects beside local unknowns")
     problem, unknown = with_unknowns(known.data_in_its_light.problem, inquiry.readings)
@@ -210,16 +209,24 @@ def _beside_unknowns(inquiry: Inquiry, known: Knowledge, progress: Progress) -> 
     base = known.finding.level.base
     prepared = replace(known.prepared, problem=data.problem, explanation=(), reference=base)
     found = _beyond_two(inquiry, replace(known, data=data), prepared, progress, thorough=False)
-    if not found.finding.accepted:
+    if not found.finding.accepted or _doubt(inquiry, found) is not None:
         return None
     names = tuple(dict.fromkeys(c.name for c in unknown))
     return found.now(found.prepared, replace(found.finding, unknown=names))
 
 
+def _doubt(inquiry: Inquiry, known: Knowledge) -> DoubtReason | None:
+    """What speaks against believing anything of the readings."""
+    saturated, rng = np.asarray(inquiry.readings.saturated, bool), np.random.default_rng(inquiry.seed)
+    doubt = trust_of(known.prepared, known.finding, saturated, rng).doubt
+    return None if doubt is None else doubt.reason
+
+
 def _is_simpler(finding: Finding, other: Finding) -> bool:
-    """Does an explanation take fewer effects than a set that explains less?"""
+    """Does an explanation take fewer effects than a set that explains less, or as few as may explain it?"""
     best, more = finding.best, other.closest
-    return best is not None and more is not None and len(best.explanation) < len(more.explanation)
+    few = max(_FEWEST, len(more.explanation) - 1 if more is not None else 0)
+    return best is not None and len(best.explanation) <= few
 
 
 def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:

@@ -25,8 +25,8 @@ _ANGLES_DEG = np.unique(np.concatenate([np.linspace(0.0, 30.0, 301), np.linspace
 
 
 def lit(scene: Scene) -> Scene:
-    """The scene with own effects on the beam's shape in its lamp, and no more among its effects."""
-    beam = [effect for effect in scene.effect if effect.is_of_angle]
+    """The scene with own effects on the beam's shape in its lamp, and no more that act among its effects."""
+    beam = [effect for effect in scene.effect if effect.is_of_angle and not effect.is_off]
     if not beam:
         return scene
     nothing = np.zeros_like(_ANGLES_DEG)
