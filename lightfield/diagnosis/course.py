@@ -209,9 +209,9 @@ def _beside_unknowns(inquiry: Inquiry, known: Knowledge, progress: Progress) -> 
     base = known.finding.level.base
     prepared = replace(known.prepared, problem=data.problem, explanation=(), reference=base)
     found = _beyond_two(inquiry, replace(known, data=data), prepared, progress, thorough=False)
-    if not found.finding.accepted or _doubt(inquiry, found) is not None:
+    names, best = tuple(dict.fromkeys(c.name for c in unknown)), found.finding.best
+    if best is None or set(names).isdisjoint(best.names) or _doubt(inquiry, found) is not None:
         return None
-    names = tuple(dict.fromkeys(c.name for c in unknown))
     return found.now(found.prepared, replace(found.finding, unknown=names))
 
 

@@ -44,7 +44,7 @@ def beyond_two(
     seed : int
         Of the bootstrap.
     thorough : bool
-        Go on where the first sets miss the readings by far.
+        Go on where the first sets miss the readings by far; of many readings always.
     """
     many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress, thorough)
     bench, base = many.bench, many.base.fit

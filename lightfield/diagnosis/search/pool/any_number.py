@@ -211,10 +211,10 @@ def search_many(
     begun : Prepared
         Noise to begin with, and what describes the readings best so far.
     thorough : bool
-        Go on where the first sets miss the readings by far.
+        Go on where the first sets miss the readings by far; of many readings always.
     """
     if data.problem.sample is not None:
-        return _of_sample(data, begun, alpha, rng, progress, thorough)
+        return _of_sample(data, begun, alpha, rng, progress)
     found = Node(begun.explanation, begun.reference)
     data, found = _followed(data, found, Whitener(begun.noise), begun.problem.keep, _SEED)
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
@@ -269,7 +269,7 @@ def search_many(
 
 
 def _of_sample(
-    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress, thorough: bool
+    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress
 ) -> Many:
     """What a sample of many readings finds, fitted to all of them and tested on them."""
     assert data.problem.sample is not None
@@ -278,7 +278,7 @@ def _of_sample(
     u = begun.reference.u
     first = some.fit(begun.explanation, Whitener(begun.noise.subset(rows)), [u], max_steps=0)
     there = prepare_about(some, part.quoted, data.budget, begun.explanation, first)
-    found = search_many(part, there, alpha, rng, progress, thorough)
+    found = search_many(part, there, alpha, rng, progress)
     progress(f"{len(found.best.explanation)} effects fitted to all {data.problem.layout.size} readings")
     best, whole = found.best, Whitener(begun.noise)
     data = data.following(best.fit, _SEED + (1 + _ROUNDS + _ROUNDS_WITHIN) * _TRACES)
