@@ -96,6 +96,23 @@ def test_a_set_of_more_effects_that_costs_hardly_more_leaves_the_answer_open() -
     assert not answer.identified
 
 
+def test_a_curve_that_costs_less_leaves_the_answer_open() -> None:
+    """Not one that costs about as much: what is named wins where it suffices."""
+    made = toy()
+    problem = made.drawn(np.random.default_rng(1), odd=3.0)
+    answer = levelled(
+        Data(problem, made.sigma, Budget(0, 0, 0)), made.prepared(problem), found(made, problem)
+    )
+    many = answer.many
+    assert many is not None and answer.identified
+
+    def beside_curve(gap: float) -> Finding:
+        known = [replace(e, gap=gap) for e in many.evidence]
+        return replace(answer, many=replace(many, evidence=known))
+
+    assert beside_curve(-0.9 * GAP).identified and not beside_curve(-1.1 * GAP).identified
+
+
 def test_the_base_model_is_a_rival_too() -> None:
     """Of an effect that is hardly needed: weights by BIC of base and effect, chi-square by regression."""
     made = toy()

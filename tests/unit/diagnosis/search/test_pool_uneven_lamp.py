@@ -52,6 +52,7 @@ def test_a_lamp_that_is_uneven_otherwise_is_no_certain_tilt(seed: int) -> None:
     verdict = verdict_on(seed, brighter=0.15, tail=1.0)
     named = OTHERS & set(verdict.best_set)
     assert named and not named & set(verdict.certain)
+    assert all(one.other_lamp for one in verdict.found if one.effect in named)
     uneven = [c for c in verdict.cautions if c.warns is Warns.UNEVEN_LAMP]
     assert [set(c.about.split(", ")) & OTHERS for c in uneven if c.about] == [named]
     assert "turn it by 180 degrees" in uneven[0].sentence

@@ -232,6 +232,10 @@ def test_the_simplest_comes_with_what_else_would_do() -> None:
     one = effect("beam_tilt", "simplest", ["acceptance", "detector_tilt"])
     assert effects.level(one) == "simplest; acceptance with detector tilt would do as well"
     assert effects.effect_size(one) == "beam_tilt = 0.5 ± 0.01"
+    by_lamp = effect("acceptance", "simplest").model_copy(update={"other_lamp": True})
+    assert effects.level(by_lamp) == "simplest; a lamp of another shape would do as well"
+    curve = effect("acceptance", "simplest", ["beam_profile"]).model_copy(update={"other_lamp": True})
+    assert effects.level(curve) == "simplest; beam profile would do as well"
 
 
 def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(monkeypatch) -> None:
