@@ -118,6 +118,9 @@ class FoundEffect(Record):
     other_lamp: bool = Field(
         False, description="a lamp of another shape would do what it and others of the set do"
     )
+    of_scene: bool = Field(
+        False, description="the scene states it: what is sure is that its size is another, or none (`stated`)"
+    )
     weight: float = Field(1.0, description="share of exp(-cost/2) of all sets with it; decides nothing")
     hardly_tested: bool = Field(
         False, description="a curve that would follow nearly any readings at these places"

@@ -11,6 +11,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.evidence import Evidence
 from lightfield.diagnosis.verdict.calibration import EFFECT as POWER
+from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
@@ -58,6 +59,7 @@ def _record(
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
         rms_percent=_rms_percent(candidate, fit),
         hardly_tested=candidate.is_hardly_tested,
+        of_scene=not adds(candidate),
         with_it=_water_and_beam(forward, fit),
     )
     if one is None:

@@ -80,6 +80,10 @@ def test_a_background_that_is_not_there_and_a_tilt_that_the_scene_lacks() -> Non
     )
     assert "Your scene's background is not in the readings" in found.verdict.sentence
     assert "Beam tilt is missing in the model" in found.verdict.sentence
+    assert {one.effect: one.of_scene for one in found.verdict.found} == {
+        "background": True,
+        "beam_tilt": False,
+    }
 
 
 def test_another_size_than_stated_is_a_contradiction() -> None:
