@@ -1,4 +1,4 @@
-"""Local unknowns: a dip across the beam, a plume, a step in time, a ripple over the angle; few numbers each.
+"""Local unknowns: a dip across the beam, a plume, a step in time, ripples over the angle; few numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
 They are effects of the user's own, ready to be tested, renamed and made better. The shadow of a strut that
@@ -14,7 +14,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-from lightfield.scene.own.own_effect import OwnEffect, OwnParameter
+from lightfield.scene.own.own_effect import OwnEffect, OwnParameter, Stage
 
 FAMILY = "local unknown"
 #: Widths from that of a rope (2 cm) to a quarter of a scan; times as parts of it; periods from two readings
@@ -90,23 +90,41 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             )
     theta = np.degrees(np.arctan2(np.hypot(readings.x_m, readings.y_m), readings.z_m))
     if (widest := float(theta.max())) > 0:
-        yield OwnEffect(
-            name="ripple_over_angle",
-            family=FAMILY,
-            stage="source",
-            formula="1 + a*cos(2*pi*theta/period) + b*sin(2*pi*theta/period)",
-            parameters={
-                "a": _size(0.4),
-                "b": _size(0.4),
-                "period": _between("deg", widest / 20, widest, "of the ripple"),
-            },
+        yield _ripple(
+            "ripple_over_angle", "source", "theta", widest,
             physics="Rings of the lamp's optics: its intensity ripples over the angle from its axis.",
             laboratory="Measure the lamp in air at one range with a fine angular step.",
-        )
+        )  # fmt: skip
+        yield _ripple(
+            "ripple_at_receiver", "receiver", "(180/pi)*atan(sqrt(x**2 + y**2)/z)", widest,
+            physics="Interference in the receiver's window: what is read ripples over the angle of arrival.",
+            laboratory="Turn the receiver by some degrees, read again at one place: the ripple turns too.",
+        )  # fmt: skip
 
 
 #: Along what each of them is drawn.
-ALONG = {"dip_in_x": "x", "dip_in_y": "y", "plume": "x", "step_in_time": "time", "ripple_over_angle": "angle"}
+ALONG = {
+    "dip_in_x": "x", "dip_in_y": "y", "plume": "x", "step_in_time": "time", "ripple_over_angle": "angle",
+    "ripple_at_receiver": "angle",
+}  # fmt: skip
+
+
+def _ripple(
+    name: str, stage: Stage, angle: str, widest_deg: float, physics: str, laboratory: str
+) -> OwnEffect:
+    return OwnEffect(
+        name=name,
+        family=FAMILY,
+        stage=stage,
+        formula=f"1 + a*cos(2*pi*{angle}/period) + b*sin(2*pi*{angle}/period)",
+        parameters={
+            "a": _size(0.4),
+            "b": _size(0.4),
+            "period": _between("deg", widest_deg / 20, widest_deg, "of the ripple"),
+        },
+        physics=physics,
+        laboratory=laboratory,
+    )
 
 
 def _size(most: float = _SIZE) -> OwnParameter:

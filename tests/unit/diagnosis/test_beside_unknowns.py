@@ -56,3 +56,23 @@ def test_the_ladder_falls_to_the_noise(found: Diagnosis) -> None:
     assert {rung.label for rung in ladder[1:]} == {"+ background", "+ beam_offset", "+ dip_in_x"}
     assert ladder[-1].chi2_per_dof == pytest.approx(1, abs=0.2)
     assert sum(rung.removed_percent or 0 for rung in ladder) == pytest.approx(100, abs=1)
+
+
+def test_rings_of_the_receiver_are_not_those_of_a_tilted_lamp() -> None:
+    """Interference in its window, 5 % with a period of 1.6 degrees of the angle of arrival."""
+
+    def rings(table: Readings) -> np.ndarray:
+        theta = np.degrees(np.arctan2(np.hypot(table.x_m, table.y_m), table.z_m))
+        return np.asarray(1 + 0.05 * np.cos(2 * np.pi * theta / 1.6))
+
+    table, believed = readings({"lamp.tilt_x_deg": 0.6}, factor=rings, seed=4, layout="fine")
+    verdict = diagnose(table, believed, diffuse=None, only=ASKED).verdict
+    assert (verdict.verdict, verdict.best_set, verdict.partial) == (
+        "unexplained",
+        ["beam_tilt"],
+        ["beam_tilt"],
+    )
+    best = verdict.left_over[0]
+    assert (best.name, verdict.unexplained_coordinate) == ("ripple_at_receiver", "angle")
+    for name, true in (("a", 0.05), ("b", 0.0), ("period", 1.6)):
+        assert abs(best.parameters[name].value - true) < 4 * best.parameters[name].stderr, name

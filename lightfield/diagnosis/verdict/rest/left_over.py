@@ -194,7 +194,9 @@ def _along(coordinate: str, readings: Readings) -> tuple[Array, Places]:
     at = np.linspace(whole.min(), whole.max(), _POINTS)
     zero, far = np.zeros(_POINTS), np.full(_POINTS, z.max())
     places = Places(zero, zero, far, far, zero, zero, zero)
-    return at, places._replace(**{"theta" if coordinate == "angle" else coordinate: at})
+    if coordinate == "angle":
+        return at, places._replace(theta=at, x=far * np.tan(np.radians(at)))
+    return at, places._replace(**{coordinate: at})
 
 
 def _curve(own: OwnEffect, values: Mapping[str, tuple[float, float]], places: Places) -> tuple[Array, Array]:
