@@ -7,14 +7,18 @@ from itertools import product
 
 import numpy as np
 
+from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.fitting.effects.local import local_unknowns
 from lightfield.fitting.effects.own import effects_of
+from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
 
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
 _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
+#: Two ripples that differ by so many cycles over all angles are as far from each other as their phases are.
+_CYCLES_APART = 0.5
 
 
 def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explanation]:
@@ -41,11 +45,14 @@ def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explan
 
 def _finely(candidate: Candidate) -> Candidate:
     """With starts as near to each other as a narrow structure needs."""
-    along = {"width": _WIDTHS, "duration": _WIDTHS, "z0": _DISTANCES}
-    points = [
-        np.geomspace(max(p.low, _LEAST), p.high, along.get(p.path.rpartition(".")[2], _PLACES) + 2)[1:-1]
-        if p.path.endswith(("width", "duration", "period"))
-        else np.linspace(p.low, p.high, along.get(p.path.rpartition(".")[2], _PLACES))
-        for p in candidate.shapes
-    ]
-    return replace(candidate, grid=tuple(tuple(map(float, at)) for at in product(*points)))
+    points = product(*map(_starts, candidate.shapes))
+    return replace(candidate, grid=tuple(tuple(map(float, at)) for at in points))
+
+
+def _starts(shape: FitParameter) -> Array:
+    what, low, high = shape.path.rpartition(".")[2], max(shape.low, _LEAST), shape.high
+    if what == "period":  # the longest is all angles
+        return np.asarray(high / np.arange(1.0, high / low + _CYCLES_APART, _CYCLES_APART))
+    if what in ("width", "duration"):
+        return np.geomspace(low, high, _WIDTHS + 2)[1:-1]
+    return np.linspace(shape.low, high, _DISTANCES if what == "z0" else _PLACES)
