@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lightfield.diagnosis.problem.local_unknowns import with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
-from lightfield.diagnosis.problem.unknowns import with_unknowns
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.cascade import Finding, search

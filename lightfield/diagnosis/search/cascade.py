@@ -156,7 +156,7 @@ class Finding:
         return self.best or (self.tried[0] if partly else None)
 
     @property
-    def adequate(self) -> Tried | None:
+    def explaining(self) -> Tried | None:
         """Beside what nothing is missing: the best explanation, or effects with a local unknown."""
         return self.closest if self.unknown else self.best
 

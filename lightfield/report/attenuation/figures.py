@@ -22,7 +22,7 @@ from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Content
 
-#: Errors of stays that are all smaller are told with two decimals.
+#: Errors that are smaller are told with two decimals.
 SMALL_PERCENT = 0.1
 #: Distances and colours that a figure can show apart.
 LINES = 6
@@ -39,8 +39,9 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
         if len(colour) == 1:
             left.errorbar(colour, value, error, color=RENDER, marker="o", capsize=3)
         least = int(np.argmin(value))
+        digits = 1 if error[least] >= SMALL_PERCENT else 2
         left.annotate(
-            f"least: {value[least]:.1f} ± {max(error[least], 0.1):.1f} % at {colour[least]:g} nm",
+            f"least: {value[least]:.{digits}f} ± {error[least]:.{digits}f} % at {colour[least]:g} nm",
             (colour[least], value[least]), (0, -22), textcoords="offset points", color=RENDER,
             ha="left" if colour[least] < colour.mean() else "right",
         )  # fmt: skip

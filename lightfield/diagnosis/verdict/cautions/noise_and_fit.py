@@ -20,7 +20,7 @@ _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE = 1.5, 0.25, 1e-3
 
 def _about_the_best(finding: Finding) -> Adequacy:
     """Noise as judged about the best explanation: what an effect explains is no scatter."""
-    best = finding.adequate
+    best = finding.explaining
     return finding.level.adequacy if best is None or best.adequacy is None else best.adequacy
 
 

@@ -15,8 +15,8 @@ from lightfield.arrays import Array, finite
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.local_unknowns import with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
-from lightfield.diagnosis.problem.unknowns import with_unknowns
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
