@@ -97,3 +97,13 @@ def test_rings_of_the_receiver_are_not_those_of_a_tilted_lamp() -> None:
     assert (best.name, verdict.unexplained_coordinate) == ("ripple_at_receiver", "angle")
     for name, true in (("a", 0.05), ("b", 0.0), ("period", 1.6)):
         assert abs(best.parameters[name].value - true) < 4 * best.parameters[name].stderr, name
+
+
+def test_the_curve_of_the_rest_is_as_sure_as_the_readings_make_it(found: Diagnosis) -> None:
+    """Against the truth along x, in the errors of the curve."""
+    best = found.verdict.left_over[0]
+    at, factor, error = (np.array(v) for v in (best.at, best.factor, best.stderr))
+    true = 1 - DEPTH * np.exp(-(((at - PLACE_M) / WIDTH_M) ** 2))
+    inside = np.abs(at - PLACE_M) < 2 * WIDTH_M
+    pull = (factor - true)[inside] / error[inside]
+    assert (np.abs(pull) < 4).all() and error[inside].max() < 0.1 * DEPTH

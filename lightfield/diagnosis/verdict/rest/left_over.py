@@ -34,8 +34,8 @@ from lightfield.scene.own.own_effect import OwnEffect, Places
 
 #: Part of what the best set leaves, in per cent, that an unknown removes before it is told. Chosen.
 _LEAST_REMOVED_PERCENT = 20.0
-#: Points of a curve, and the step of a parameter, in its standard error, by which its error is found.
-_POINTS, _STEP = 121, 0.1
+#: Points of a curve, and the step of a parameter, as part of its range, by which its error is found.
+_POINTS, _STEP = 121, 1e-5
 #: So many effects are left out, and so many added, of those of which a linear model promises most. Chosen.
 _TRIED = 2
 #: Times are told in minutes.
@@ -155,7 +155,7 @@ def _record(
     prefix = f"effect.{name}."
     mine = {path.removeprefix(prefix): e for path, e in told.items() if path.startswith(prefix)}
     at, places = _along(ALONG[name], forward.readings)
-    factor, stderr = _curve(own, {k: (e.value, e.stderr or 0.0) for k, e in mine.items()}, places)
+    factor, stderr = _curve(own, fit, scale, places)
     read_at, read = _read(problem, forward.readings, fit, name)
     return LeftOver(
         name=name, formula=own.formula, stage=own.stage, coordinate=ALONG[name],
@@ -199,20 +199,20 @@ def _along(coordinate: str, readings: Readings) -> tuple[Array, Places]:
     return at, places._replace(**{coordinate: at})
 
 
-def _curve(own: OwnEffect, values: Mapping[str, tuple[float, float]], places: Places) -> tuple[Array, Array]:
-    """The factor along the coordinate, and its error as far as that of each parameter by itself makes it."""
+def _curve(own: OwnEffect, fit: Fit, scale: float, places: Places) -> tuple[Array, Array]:
+    """The factor along the coordinate, and its error by those of its parameters, which go together."""
 
     def factor(at: Mapping[str, float]) -> Array:
         parameters = {k: p.model_copy(update={"value": at[k]}) for k, p in own.parameters.items()}
         return own.model_copy(update={"parameters": parameters}).at(places)
 
-    here = {k: value for k, (value, _) in values.items()}
-    middle = factor(here)
-    square = np.zeros_like(middle)
-    for name, (value, error) in values.items():
-        if error > 0:
-            square += ((factor(here | {name: value + _STEP * error}) - middle) / _STEP) ** 2
-    return middle, np.sqrt(square)
+    mine = {k: fit.paths.index(f"effect.{own.name}.{k}") for k in own.parameters}
+    here = {k: float(fit.u[i]) for k, i in mine.items()}
+    middle, rows = factor(here), list(mine.values())
+    steps = {k: _STEP * (p.range[1] - p.range[0]) for k, p in own.parameters.items()}
+    slopes = np.stack([(factor(here | {k: here[k] + h}) - middle) / h for k, h in steps.items()], axis=1)
+    covariance = np.nan_to_num(fit.covariance(scale)[np.ix_(rows, rows)])  # none at the end of a range
+    return middle, np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, covariance, slopes), 0.0))
 
 
 def ranked(unknowns: Sequence[OwnEffect], left: Sequence[LeftOver]) -> list[OwnEffect]:

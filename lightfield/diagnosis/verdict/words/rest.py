@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lightfield.diagnosis.verdict.parts import LeftOver, Misfit
+from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
 from lightfield.diagnosis.verdict.speech import UNITS, join, plain, roughly
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit.
@@ -46,7 +46,7 @@ def sentences(left: Sequence[LeftOver], misfit: Misfit | None) -> str:
 
 
 def _described(one: LeftOver) -> str:
-    values = ", ".join(f"{name} = {roughly(e)}" for name, e in one.parameters.items())
+    values = ", ".join(f"{name} = {_size(e)}" for name, e in one.parameters.items())
     enough = ", and nothing more is missing" if one.adequate else ""
     beside = f" beside {join(one.beside)}" if one.beside else ""
     error = "" if one.error_percent is None else f": the error would be {one.error_percent:.2g} %"
@@ -54,6 +54,11 @@ def _described(one: LeftOver) -> str:
         f"A {plain(one.name)}{beside} describes {one.removed_percent:.0f} % of what is left "
         f"({values}){error}{enough}. It says where the rest is, not what."
     )
+
+
+def _size(one: Estimate) -> str:
+    """A value with its error, or why it has none."""
+    return roughly(one) if one.reason is None else f"{roughly(one)} ({one.reason.partition(':')[0]})"
 
 
 def _suspect(left: Sequence[LeftOver], misfit: Misfit | None) -> str:
