@@ -5,7 +5,7 @@ STAMP := .venv/.installed
 TESTS ?=
 
 .DEFAULT_GOAL := setup
-.PHONY: setup llvm chromium lock lint format types pytest test docs slow demo bench clean
+.PHONY: setup llvm chromium lock lint format types pytest test docs slow gpu demo bench clean
 
 setup: $(STAMP) llvm
 
@@ -55,6 +55,10 @@ docs: setup
 # What takes minutes: fuzzing, kills at random moments, statistics over many seeds.
 slow: setup
 	$(BIN)/python -m pytest -m slow --timeout 3600 $(TESTS)
+
+# The physics on an NVIDIA card: each process takes some of its memory.
+gpu: setup
+	LIGHTFIELD_BACKEND=cuda $(BIN)/python -m pytest -n auto --maxprocesses 8 tests/physics $(TESTS)
 
 demo: setup
 	@$(BIN)/python -m lightfield.cli demo

@@ -14,7 +14,6 @@ import numpy as np
 
 from benchmarks.transport import mcx, ours, report
 from lightfield.render.backend import use_backend
-from lightfield.render.backend.cuda import cuda_problem
 from lightfield.storage.cache import cache_dir
 from lightfield.storage.files import atomic_path
 
@@ -52,7 +51,6 @@ def main() -> None:
         "evaluate": lambda: ours.evaluate_time(symmetry=False),
         "evaluate_symmetric": lambda: ours.evaluate_time(symmetry=True),
         "paper_scene": lambda: ours.in_fresh_process(f"paper_scene({2e7 * share})", dict(os.environ)),
-        "cuda": cuda,
     }  # fmt: skip
     for name, step in steps.items():
         print(f"{name} ...", flush=True)
@@ -105,13 +103,6 @@ def agreement(detectors: list[dict[str, float]], maps: dict[str, Any]) -> list[d
         found.append({"x": d["x"], "y": d["y"], "z": d["z"], "ratio": float(ratio),
                       "stderr": float(ratio * np.hypot(d["stderr"] / d["mean"], error / value))})  # fmt: skip
     return found
-
-
-def cuda() -> dict[str, Any]:
-    """The paper's scene on a GPU, where one can be used."""
-    if problem := cuda_problem():
-        return {"problem": problem}
-    return ours.in_fresh_process("paper_scene(4e8)", dict(os.environ) | {"LIGHTFIELD_BACKEND": "cuda"})
 
 
 if __name__ == "__main__":

@@ -101,18 +101,15 @@ def _evaluate(r: dict[str, Any]) -> list[list[str]]:
 
 
 def _paper(r: dict[str, Any]) -> list[list[str]]:
-    p, g = r["paper_scene"], r["cuda"]
+    p = r["paper_scene"]
     label = "(e) the paper's tank, walls and surface: peak memory"
     if "problem" in p:
-        rows = [[label, f"not measured: {p['problem']}", "", "", "", "below 2 GiB"]]
-    else:
-        rows = [[label, f"{p['peak_gib']:.2f} GiB", "", "", "", "below 2 GiB"],
+        return [[label, f"not measured: {p['problem']}", "", "", "", "below 2 GiB"]]
+    return [[label, f"{p['peak_gib']:.2f} GiB", "", "", "", "below 2 GiB"],
                 ["the same: photons/s, error that 95 % of the pixels have",
                  f"{p['rate'] / 1e3:,.0f} thousand/s, {100 * p['reached']:.1f} % after "
                  f"{p['photons'] / 1e6:.0f} million",
                  "", "", "", ""]]  # fmt: skip
-    gpu = f"not measured: {g['problem']}" if "problem" in g else f"{g['rate'] / 1e6:,.1f} million photons/s"
-    return [*rows, ["(f) the same on CUDA", gpu, "", "", "", ""]]
 
 
 def _notes(r: dict[str, Any]) -> list[str]:

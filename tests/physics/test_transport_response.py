@@ -172,8 +172,8 @@ def test_energy_closes(name: str) -> None:
 
 
 def test_same_seed_same_result() -> None:
-    """Bit for bit on one thread; several threads add in any order, and agree within single precision."""
-    use_backend()
+    """Bit for bit on one thread; many, as a graphics card's, add in any order: equal to single precision."""
+    kind = use_backend().kind
     import drjit as dr
 
     def tally(seed: int) -> np.ndarray:
@@ -185,7 +185,8 @@ def test_same_seed_same_result() -> None:
         one, same = tally(4), tally(4)
     finally:
         dr.set_thread_count(threads)
-    assert one.tobytes() == same.tobytes()
+    assert one.tobytes() == same.tobytes() or kind == "cuda"
+    np.testing.assert_allclose(same, one, rtol=1e-5, atol=1e-6 * one.max())
     np.testing.assert_allclose(several, one, rtol=1e-5, atol=1e-6 * one.max())
     assert other.shape != one.shape or not np.allclose(other, one, rtol=1e-3)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.progress import tell
+from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.tracer.accumulate import LARGEST_LAUNCH, response_from
@@ -31,12 +32,12 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
     TransportResponse
         Its planes are those of the grid once for every one of `COMPONENTS`.
     """
-    setup = assembled(scene, grid, reference, flux=True)
+    setup, largest = assembled(scene, grid, reference, flux=True), LARGEST_LAUNCH[use_backend().kind]
     each = PHOTONS_PER_LANE * -(-photons // (BATCHES * PHOTONS_PER_LANE))
     sums = np.zeros((BATCHES, setup.histories.size, setup.planes.cells), np.float32)
     for batch in range(BATCHES):
-        for first in range(0, each, LARGEST_LAUNCH):
-            launch = min(LARGEST_LAUNCH, each - first)
+        for first in range(0, each, largest):
+            launch = min(largest, each - first)
             counts, _ = trace(
                 setup,
                 launch,

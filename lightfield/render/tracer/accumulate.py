@@ -12,6 +12,7 @@ import numpy as np
 
 from lightfield.memory import give_back
 from lightfield.progress import part_of_trace, tell
+from lightfield.render.backend import use_backend
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import (
@@ -31,7 +32,9 @@ from lightfield.scene.water.coefficients import coefficients_in
 
 BATCHES = 10
 FIRST_LAUNCH = 1 << 16
-LARGEST_LAUNCH = 1 << 20
+#: What lies between two launches costs a graphics card more than the photons: an H100 traces the tow tank's
+#: 24 million a second in launches of 1 << 20, 80 million in these (`benchmarks/transport/results/gpu.md`).
+LARGEST_LAUNCH = {"llvm": 1 << 20, "cuda": 1 << 22}
 PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
 TALLY_BYTES = 900e6
 DIRECTION_BATCHES = 8
@@ -67,7 +70,7 @@ def trace_until(
     batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
     sums = np.zeros((batches, rows, cells), np.float32)
     listed = cells if images is None else len(images.place)
-    largest = int(np.clip(PER_CELL * listed, FIRST_LAUNCH, LARGEST_LAUNCH))
+    largest = int(np.clip(PER_CELL * listed, FIRST_LAUNCH, LARGEST_LAUNCH[use_backend().kind]))
     launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
     books: list[Bookkeeping] = []
     shares: list[int] = []
