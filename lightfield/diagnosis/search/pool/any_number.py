@@ -41,7 +41,7 @@ _NEAR, _ROUNDS_WITHIN = 1.0, 3
 #: several effects leaves more.
 _FAR = 2.0
 #: Cost by which a curve has to be better than named effects in its place. Chosen on a third of the sets of
-#: `benchmarks.many_effects`: where it was cheaper by less, named ones were hidden, in 4 of 4; of 54 lamps that
+#: `benchmarks.many_effects`: where it was cheaper by less named ones were hidden, in 4 of 4; of 54 lamps that
 #: are no Gaussian the curve was cheaper by 6.9 at least.
 NAMED_FIRST = 5.0
 #: Traces until one set stays where it was traced, at most; most take one or two.
@@ -279,8 +279,8 @@ def named_first(
 ) -> tuple[Node, Adequacy]:
     """The cheapest set that passes the test with fewer curves, where the best costs little less; or the best.
 
-    A curve follows whatever named effects it contains, and the noise besides. That it is cheaper still shows
-    in their gaps: none of them is certain.
+    A curve follows whatever named effects it contains, and the noise besides. Where it is cheaper all the
+    same, they are one of two ways to see it.
     """
     curves = {c.key for c in found.explanation if not named(c)}
     limit = pool.cost(found) + NAMED_FIRST

@@ -105,8 +105,11 @@ class Weighing:
 
     Parameters
     ----------
+    best : Node
+        The answer: the set of least cost, or one of named effects that costs little more.
     phi : float
-        Pure-error variance in units of the whitening, or what the best set leaves where that is more.
+        Pure-error variance in units of the whitening, or what the answer or the set of least cost leaves,
+        where that is more.
     """
 
     pool: Pool
@@ -115,8 +118,9 @@ class Weighing:
 
     @classmethod
     def of(cls, pool: Pool, best: Node) -> Weighing:
-        spare = max(int(pool.problem.keep.sum()) - len(best.fit.u), 1)
-        return cls(pool, best, max(pool.ground.phi, best.fit.chi2 / spare))
+        kept = int(pool.problem.keep.sum())
+        left = (n.fit.chi2 / max(kept - len(n.fit.u), 1) for n in (best, pool.best()))
+        return cls(pool, best, max(pool.ground.phi, min(left)))
 
     def above(self, node: Node) -> float:
         """Cost above that of the best."""
@@ -180,7 +184,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
         part = min(gap, gap_named) > PARTIAL * left and not _strained(best)
         level = "partial" if part else "one of"
-    elif beyond or _at_edge(pool, best, candidate):
+    elif beyond or _at_edge(pool, best, candidate) or contained(name, pool.best()):
         level = "one of"
     else:
         most: Level = "simplest" if other_lamp else "certain"

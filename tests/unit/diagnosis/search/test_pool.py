@@ -181,6 +181,26 @@ def test_a_curve_is_found_where_no_name_will_do() -> None:
     assert not any({"profile", "round"} <= n.names for n in found.pool.nodes.values())
 
 
+@pytest.mark.parametrize(("beside", "best"), [(1.8, "round"), (2.2, "profile")])
+def test_a_named_effect_wins_where_a_curve_is_cheaper_by_little(beside: float, best: str) -> None:
+    """By 2.3 and by 6.4, with what a regression leaves of each; then they are one of two ways to see it."""
+    made = with_curve()
+    drawn = made.drawn(np.random.default_rng(1), round=4.0, profile1=beside, dusk=3.0, fan=2.0)
+    found = many(made, drawn)
+    ground = found.pool.ground
+    price = {d: d * stats.f.isf(ground.level, d, ground.nu) for d in (1, 2)}
+    chi2 = {
+        names: regression(found, (*names, "dusk", "fan"))[1] / ground.phi
+        for names in (("round",), ("profile0", "profile1"))
+    }
+    ahead = chi2["round",] + price[1] - chi2["profile0", "profile1"] - price[2]
+    assert (0 < ahead < pooled.NAMED_FIRST) if best == "round" else ahead > pooled.NAMED_FIRST
+    assert found.best.names == {best, "dusk", "fan"} and found.adequate
+    assert {e.candidate.name: e.level for e in found.evidence} == {
+        best: "one of", "dusk": "certain", "fan": "certain"
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize(("spare", "level"), [(3, "one of"), (4, "certain")])
 def test_a_curve_that_little_could_contradict_is_no_claim(spare: int, level: str) -> None:
     """Four terms that fit where three more would follow any readings: that they do says nothing."""
