@@ -93,7 +93,8 @@ def table(card: str, machine: dict[str, Any], found: dict[str, dict[str, dict[st
         f"{machine['mitsuba']}, Dr.Jit {machine['drjit']}, Python {machine['python']}; {machine['date']}.",
         "Written by `python -m benchmarks.transport.gpu`. Rates are of whole renders: "
         f"{TIMED['cuda'] / 1e6:.0f} million photons on the card, {TIMED['llvm'] / 1e6:.0f} million on all "
-        "processors; the first one of a process has Mitsuba started, and kernels compiled or read from the cache.",
+        "processors; the first one of a process has Mitsuba started, and kernels compiled or read from the "
+        "cache.",
         "",
         "| scene | card, million photons/s | processors | ratio | first render, s: card, processors |",
         "|---|---|---|---|---|",
