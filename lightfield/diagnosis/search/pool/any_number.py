@@ -24,6 +24,7 @@ from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
 from lightfield.diagnosis.search.search_progress import Progress
+from lightfield.fitting.effects.local import FAMILY as UNKNOWN
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
@@ -268,24 +269,28 @@ def search_many(
     adequacy = made.test(found.fit)
     adequate = adequacy.passes(alpha)
     if adequate:
-        found, adequacy = named_first(pool, made, found, adequacy, alpha)
+        found, adequacy = _named_first(pool, made, found, adequacy, alpha)
     base = pool.nodes[frozenset()]
     certainty = evidence(pool, found, adequate)
     return Many(prepared, made, tolerance, pool, found, base, adequacy, adequate, certainty)
 
 
-def named_first(
+def _named_first(
     pool: Pool, made: Bench, found: Node, adequacy: Adequacy, alpha: float
 ) -> tuple[Node, Adequacy]:
     """The cheapest set that passes the test with fewer curves, where the best costs little less; or the best.
 
     A curve follows whatever named effects it contains, and the noise besides. Where it is cheaper all the
-    same, they are one of two ways to see it.
+    same, they are one of two ways to see it. A local unknown is no name.
     """
     curves = {c.key for c in found.explanation if not named(c)}
     limit = pool.cost(found) + NAMED_FIRST
-    fewer = [n for n in pool.nodes.values() if {c.key for c in n.explanation if not named(c)} < curves]
-    for node in sorted((n for n in fewer if pool.cost(n) <= limit), key=pool.cost):
+    for node in sorted(pool.nodes.values(), key=pool.cost):
+        if pool.cost(node) > limit:
+            break
+        fewer = {c.key for c in node.explanation if not named(c)} < curves
+        if not fewer or any(c.effect.family == UNKNOWN and c.key not in found.key for c in node.explanation):
+            continue
         exact = pool.exact(node)
         tested = made.test(exact.fit)
         if tested.passes(alpha):
