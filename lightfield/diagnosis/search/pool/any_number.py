@@ -42,8 +42,8 @@ _NEAR, _ROUNDS_WITHIN = 1.0, 3
 #: several effects leaves more.
 _FAR = 2.0
 #: Cost by which a curve has to be better than named effects in its place. Chosen on a third of the sets of
-#: `benchmarks.many_effects`: where it was cheaper by less named ones were hidden, in 4 of 4; of 54 lamps that
-#: are no Gaussian the curve was cheaper by 6.9 at least.
+#: `benchmarks.many_effects`: where the beam's was cheaper by less, forms of the beam were hidden, in 4 of 4;
+#: of 54 lamps that are no Gaussian, and were named by it, it was cheaper by 6.9 at least.
 NAMED_FIRST = 5.0
 #: Traces until one set stays where it was traced, at most; most take one or two.
 _TRACES = 4
