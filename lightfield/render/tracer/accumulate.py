@@ -32,8 +32,8 @@ from lightfield.scene.water.coefficients import coefficients_in
 
 BATCHES = 10
 FIRST_LAUNCH = 1 << 16
-#: What lies between two launches costs a graphics card more than the photons: an H100 traces the tow tank's
-#: 24 million a second in launches of 1 << 20, 80 million in these (`benchmarks/transport/results/gpu.md`).
+#: Between two launches lie some 30 ms of the host in the tow tank, beside an H100 that traces four million
+#: photons in less.
 LARGEST_LAUNCH = {"llvm": 1 << 20, "cuda": 1 << 22}
 PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
 TALLY_BYTES = 900e6
