@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Called last: while Python takes itself apart, the work is done and its code stands.
         atexit.register(_at_rest)
     try:
-        from lightfield.commands._terminal import plain_output
+        from lightfield.commands.shared.terminal import plain_output
 
         with plain_output(), warnings.catch_warnings():
             warnings.showwarning = _say
@@ -69,7 +69,7 @@ def _say(message: Warning | str, category: type[Warning], *_: Any, **__: Any) ->
 
 
 def _run(argv: list[str]) -> int:
-    from lightfield.commands._line import prepared
+    from lightfield.commands.shared.line import prepared
 
     try:
         command = prepared(argv)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lightfield.api.given import named
-from lightfield.commands._answer import write_json
-from lightfield.commands._options import add_option, given
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.answer import write_json
+from lightfield.commands.shared.options import add_option, given
+from lightfield.commands.shared.progress import progress_of
 from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._answer import outputs_of, show_answer, show_page
-from lightfield.commands._options import add_answer, add_option
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.answer import outputs_of, show_answer, show_page
+from lightfield.commands.shared.options import add_answer, add_option
+from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.scene import Scene

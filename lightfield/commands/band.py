@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._options import TRACING, add_answer, add_option, add_tracing, given
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.answer import answered, outputs_of
+from lightfield.commands.shared.options import TRACING, add_answer, add_option, add_tracing, given
+from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands import _compare_readings, _tracing
-from lightfield.commands._answer import write_json
-from lightfield.commands._console import console
-from lightfield.commands._options import given
+from lightfield.commands import _compare_readings
+from lightfield.commands.shared import tracing
+from lightfield.commands.shared.answer import write_json
+from lightfield.commands.shared.console import console
+from lightfield.commands.shared.options import given
 from lightfield.errors import UsageError
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
@@ -28,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, default=None, metavar="DIR", help="folder of page, figures and numbers"
     )
     _compare_readings.add_arguments(parser.add_argument_group("against readings"))
-    _tracing.add_tracing_arguments(parser)
+    tracing.add_tracing_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,8 +62,8 @@ def _scene(args: argparse.Namespace) -> int:
     from lightfield.maps.dataset import to_dataset
 
     with locked_folder(args.output or Path("compare")) as folder:
-        rendering = _tracing.traced(scene, args, render_scene)
-        print(_tracing.as_text(rendering))
+        rendering = tracing.traced(scene, args, render_scene)
+        print(tracing.as_text(rendering))
         return _report(to_dataset(rendering), folder)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import shtab
 
-from lightfield.commands._line import whole_parser
+from lightfield.commands.shared.line import whole_parser
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterator
 from pathlib import Path
 
-from lightfield.commands._line import prepared
+from lightfield.commands.shared.line import prepared
 from lightfield.errors import UsageError
 from lightfield.storage.files import locked_folder
 

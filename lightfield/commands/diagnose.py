@@ -8,9 +8,9 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from lightfield.commands._answer import outputs_of
-from lightfield.commands._options import add_option, effects_asked
-from lightfield.commands._progress import stage_line
+from lightfield.commands.shared.answer import outputs_of
+from lightfield.commands.shared.options import add_option, effects_asked
+from lightfield.commands.shared.progress import stage_line
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
 from lightfield.fitting.effects import all_of, curves

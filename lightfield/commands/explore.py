@@ -8,8 +8,8 @@ import threading
 import webbrowser
 from pathlib import Path
 
-from lightfield.commands._console import console
-from lightfield.commands._options import add_option
+from lightfield.commands.shared.console import console
+from lightfield.commands.shared.options import add_option
 from lightfield.errors import UsageError
 from lightfield.explorer.documents import open_session
 from lightfield.explorer.server import serve

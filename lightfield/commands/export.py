@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from lightfield.commands._options import add_option
+from lightfield.commands.shared.options import add_option
 from lightfield.errors import UsageError
 from lightfield.maps.dataset import read_netcdf, write_exr_planes
 from lightfield.storage.files import locked_folder

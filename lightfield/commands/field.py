@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import photons_of
-from lightfield.commands._options import add_option
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.follower import photons_of
+from lightfield.commands.shared.options import add_option
+from lightfield.commands.shared.progress import progress_of
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
 

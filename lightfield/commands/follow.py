@@ -6,10 +6,10 @@ import argparse
 from pathlib import Path
 
 from lightfield.api.given import named
-from lightfield.commands._answer import outputs_of, show_answer, show_page, write_json
-from lightfield.commands._follower import PHOTONS, photons_of
-from lightfield.commands._options import add_answer, add_option
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.answer import outputs_of, show_answer, show_page, write_json
+from lightfield.commands.shared.follower import PHOTONS, photons_of
+from lightfield.commands.shared.options import add_answer, add_option
+from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_folder

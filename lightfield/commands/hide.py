@@ -6,8 +6,8 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from lightfield.commands._options import add_option, assignment, given
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.options import add_option, assignment, given
+from lightfield.commands.shared.progress import progress_of
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file

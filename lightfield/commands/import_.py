@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from lightfield.api.given import import_
-from lightfield.commands._options import given
+from lightfield.commands.shared.options import given
 from lightfield.errors import UsageError
 from lightfield.readings import write_table
 from lightfield.readings.importing import places

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._options import add_option
-from lightfield.commands._progress import stage_line
+from lightfield.commands.shared.options import add_option
+from lightfield.commands.shared.progress import stage_line
 from lightfield.errors import UsageError
 from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
 from lightfield.scene import Scene

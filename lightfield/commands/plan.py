@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._options import add_option, assignment, effects_asked
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.answer import answered, outputs_of
+from lightfield.commands.shared.options import add_option, assignment, effects_asked
+from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.readings.columns import LAYOUT
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--effects",
         metavar="A,B,...",
-        help="which of these, all acting at once, would be certain? (effect or effect:form)",
+        help="which of these, all acting at once, would be certain? (effect, effect:form, or a curve)",
     )
     parser.add_argument(
         "--size",

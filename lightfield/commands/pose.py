@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._answer import answered, outputs_of
-from lightfield.commands._follower import add_space, space_asked
-from lightfield.commands._options import add_answer
-from lightfield.commands._progress import progress_of
+from lightfield.commands.shared.answer import answered, outputs_of
+from lightfield.commands.shared.follower import add_space, space_asked
+from lightfield.commands.shared.options import add_answer
+from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 

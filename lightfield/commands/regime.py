@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.table import Table
 
-from lightfield.commands._console import console
-from lightfield.commands._options import add_option, add_tracing, given
+from lightfield.commands.shared.console import console
+from lightfield.commands.shared.options import add_option, add_tracing, given
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 

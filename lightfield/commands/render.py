@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.commands._tracing import add_tracing_arguments, as_text, traced
+from lightfield.commands.shared.tracing import add_tracing_arguments, as_text, traced
 from lightfield.errors import UsageError
 from lightfield.render.at_readings import render_positions
 from lightfield.render.maps import render_scene

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands._follower import add_space, space_asked
+from lightfield.commands.shared.follower import add_space, space_asked
 from lightfield.studies.follower.elements import elements_of
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from lightfield.commands._options import add_option
+from lightfield.commands.shared.options import add_option
 from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
 from lightfield.studies.following.metrics import METRICS

@@ -12,9 +12,9 @@ from typing import Any
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from lightfield.commands._console import console
-from lightfield.commands._options import add_option, add_tracing, given
-from lightfield.commands._progress import status_lines
+from lightfield.commands.shared.console import console
+from lightfield.commands.shared.options import add_option, add_tracing, given
+from lightfield.commands.shared.progress import status_lines
 from lightfield.errors import UsageError
 from lightfield.progress import duration
 from lightfield.render.limits import SEED

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from fuzz.cases import make_case
 from lightfield import cli
-from lightfield.commands._terminal import printable
+from lightfield.commands.shared.terminal import printable
 from lightfield.studies.compare import readings as compared
 
 #: A case that takes more of the processor than this is a fault, and one that waits for so long: on a busy

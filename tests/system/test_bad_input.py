@@ -13,7 +13,7 @@ import pytest
 from wrong_inputs import FILES, WRONG
 
 from lightfield import cli
-from lightfield.commands._line import available
+from lightfield.commands.shared.line import available
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from command_line import ROOT, lightfield
 
 from lightfield import __version__, cli
 from lightfield.commands import doctor
-from lightfield.commands._line import COMMANDS, available
+from lightfield.commands.shared.line import COMMANDS, available
 from lightfield.errors import SceneError
 
 

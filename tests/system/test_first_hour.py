@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lightfield import cli
-from lightfield.commands._line import prepared
+from lightfield.commands.shared.line import prepared
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import read_table
 from lightfield.scene import Scene

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from lightfield.commands._progress import times
+from lightfield.commands.shared.progress import times
 
 CASES = 3000
 TESTS = Path(__file__).resolve().parents[1]

@@ -17,8 +17,8 @@ from pathlib import Path
 import pytest
 
 from lightfield import cli
-from lightfield.commands._console import console
-from lightfield.commands._terminal import printable
+from lightfield.commands.shared.console import console
+from lightfield.commands.shared.terminal import printable
 
 ROOT = Path(__file__).resolve().parents[2]
 CLEAR = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202e"

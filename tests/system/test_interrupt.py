@@ -42,11 +42,11 @@ MAIN = "\nimport sys; from lightfield.cli import main; sys.exit(main(sys.argv[1:
 # Says when the first photons are counted, and then traces on for ever.
 IN_TRACE = """
 from contextlib import contextmanager
-from lightfield.commands import _tracing
+from lightfield.commands.shared import tracing
 @contextmanager
 def bar(name, max_photons):
     yield lambda photons, reached, requested: print("now", flush=True)
-_tracing.progress_bar = bar
+tracing.progress_bar = bar
 """
 
 # Stops in the middle of writing a file: half of its bytes are on the disk.

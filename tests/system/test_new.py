@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from lightfield.cli import main
-from lightfield.commands import _progress
+from lightfield.commands.shared import progress
 from lightfield.scene import Scene
 
 
@@ -37,8 +37,8 @@ def test_sizes_in_another_order_are_seen_at_once(tmp_path, capsys):
 
 def test_work_that_takes_long_says_so(tmp_path, monkeypatch, capsys):
     """Minutes of silence look like a program that hangs: a line now and then, apart from the answer."""
-    often = partial(_progress.status_lines, every_s=1e-3)
-    monkeypatch.setattr(_progress, "status_lines", often)
+    often = partial(progress.status_lines, every_s=1e-3)
+    monkeypatch.setattr(progress, "status_lines", often)
     assert main(["new", "tank", "--points", "3", "-o", str(tmp_path / "pool")]) == 0
     layout, scene = str(tmp_path / "pool" / "layout.csv"), str(tmp_path / "pool" / "scene.toml")
     assert main(["plan", layout, "--scene", scene, "--no-trace"]) == 0

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from lightfield import cli
-from lightfield.commands import _line
+from lightfield.commands.shared.line import COMMANDS as SUB_COMMANDS
 from lightfield.readings import read_table
 from lightfield.report.page import to_svg
 from lightfield.scene import Scene
@@ -144,5 +144,5 @@ def test_every_option_file_and_variable_that_is_named_exists():
     source = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "lightfield").rglob("*.py"))
     for variable in set(re.findall(r"LIGHTFIELD_\w+", README)):
         assert f'"{variable}"' in source, variable
-    for command in _line.COMMANDS:
+    for command in SUB_COMMANDS:
         assert re.search(rf"(`|lightfield ){command}\b", README), command

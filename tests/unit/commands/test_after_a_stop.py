@@ -9,7 +9,7 @@ import time
 import pytest
 
 from lightfield import cli
-from lightfield.commands._progress import status_lines
+from lightfield.commands.shared.progress import status_lines
 
 
 class HalfMade:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightfield.commands._answer import write_json
+from lightfield.commands.shared.answer import write_json
 
 
 def test_what_is_no_finite_number_is_null(tmp_path: Path) -> None:

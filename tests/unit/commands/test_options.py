@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from lightfield.commands import link, sweep
-from lightfield.commands._line import COMMANDS, _module, prepared
-from lightfield.commands._options import OPTIONS, photon_count, seed_number
+from lightfield.commands.shared.line import COMMANDS, _module, prepared
+from lightfield.commands.shared.options import OPTIONS, photon_count, seed_number
 from lightfield.errors import LightfieldError, UsageError
 from lightfield.fitting import effects
 from lightfield.render.limits import PHOTONS, SEED

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from lightfield.commands._progress import status_lines, times
+from lightfield.commands.shared.progress import status_lines, times
 from lightfield.commands.sweep import progress_in_words
 from lightfield.progress import heard_by, part_of_trace, step, tell
 from lightfield.sweep.runner import SweepProgress

@@ -6,14 +6,14 @@ import sys
 import time
 from functools import partial
 
-from lightfield.commands import _progress
+from lightfield.commands.shared import progress
 
 
 def test_a_long_stage_is_told_again_and_again(capsys, monkeypatch) -> None:
-    often = partial(_progress.status_lines, every_s=0.01)
-    monkeypatch.setattr(_progress, "status_lines", often)
+    often = partial(progress.status_lines, every_s=0.01)
+    monkeypatch.setattr(progress, "status_lines", often)
     lines = ""
-    with _progress.stage_line("reading") as stage:
+    with progress.stage_line("reading") as stage:
         stage("12 sets of effects tried")
         until = time.monotonic() + 5
         while lines.count("\n") < 2 and time.monotonic() < until:
@@ -24,6 +24,6 @@ def test_a_long_stage_is_told_again_and_again(capsys, monkeypatch) -> None:
 
 
 def test_what_is_quick_is_silent(capsys) -> None:
-    with _progress.stage_line("reading") as stage:
+    with progress.stage_line("reading") as stage:
         stage("done")
     assert capsys.readouterr() == ("", "")

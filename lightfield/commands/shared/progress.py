@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from rich.progress import BarColumn, SpinnerColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from lightfield.commands._console import console
+from lightfield.commands.shared.console import console
 from lightfield.progress import duration, heard_by, stopped
 
 #: Seconds between two lines; what is done before the first says nothing.

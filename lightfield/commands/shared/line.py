@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any, NoReturn
 
 from lightfield import __version__
-from lightfield.commands._options import add_option
+from lightfield.commands.shared.options import add_option
 from lightfield.errors import UsageError, did_you_mean
 
 #: From this likeness on a word is taken for another one misspelt.

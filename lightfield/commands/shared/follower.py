@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from lightfield.commands._options import add_option, given
+from lightfield.commands.shared.options import add_option, given
 from lightfield.errors import UsageError
 
 PHOTONS = 1e7

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console
 from rich.segment import Segment
 
-from lightfield.commands._terminal import printable
+from lightfield.commands.shared.terminal import printable
 
 
 class PlainConsole(Console):

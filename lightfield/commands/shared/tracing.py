@@ -10,9 +10,9 @@ from typing import TypeVar
 from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
-from lightfield.commands._console import console
-from lightfield.commands._options import add_tracing, given
-from lightfield.commands._progress import status_lines
+from lightfield.commands.shared.console import console
+from lightfield.commands.shared.options import add_tracing, given
+from lightfield.commands.shared.progress import status_lines
 from lightfield.progress import heard_by, part_of_trace
 from lightfield.render.maps import Rendering
 from lightfield.render.settings import OnProgress, Settings
