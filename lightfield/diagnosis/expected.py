@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Literal
 
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.search.pool.evidence import NAMED_GAP
 from lightfield.diagnosis.verdict.speech import in_unit, join
+from lightfield.fitting.curves import field_of
 
 #: Chances from which on an effect "would be certain", and up to which it would not. Chosen.
 LIKELY, UNLIKELY = 0.9, 0.1
@@ -109,11 +111,12 @@ class Together:
         return f"With these {self.readings} readings {'; '.join(told)}."
 
     def sizes(self, one: Expected) -> str:
-        """Parameters with units."""
+        """Parameters with units; functions of a curve that are equally large in one."""
         told = []
-        for path, value in one.values.items():
-            unit = self.units.get(path, "1")
-            told.append(in_unit(f"{path} = {value:.3g}", unit))
+        for (_, value), paths in groupby(one.values.items(), lambda item: (field_of(item[0]), item[1])):
+            first, *others = [path for path, _ in paths]
+            what = f"{first} to .{1 + len(others)}" if others else first
+            told.append(in_unit(f"{what} = {value:.3g}", self.units.get(first, "1")))
         return ", ".join(told)
 
     def rows(self) -> list[tuple[str, ...]]:

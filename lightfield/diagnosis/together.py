@@ -38,9 +38,10 @@ from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import whitened_test
-from lightfield.diagnosis.verdict.estimates import units_of
+from lightfield.diagnosis.verdict.estimates import units_in
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
+from lightfield.fitting.curves import LARGEST, is_amplitude
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.forward import SceneForward
 from lightfield.progress import step, tell
@@ -70,9 +71,11 @@ def together(
     scene : Scene
         Lamp, water and tank as they are but for the effects.
     names : sequence of str
-        Effects of the table, or of the scene's own; "effect:form" for another form.
+        Effects of the table, or of the scene's own, and curves; "effect:form" for another form. A curve has
+        as many functions as the layout tells of, where no form says less.
     sizes : mapping, optional
-        Values of scene parameters; twice the typical size where none is given.
+        Values of scene parameters; twice the typical size where none is given, of a curve for each of its
+        functions, which make it darker towards its end.
     diffuse : callable, optional
         Source of scattered and reflected light.
 
@@ -84,7 +87,8 @@ def together(
     SceneError
         A size that no scene may have.
     """
-    scene.with_values(sizes or {})  # refuses what no scene may have, as where an effect is hidden
+    of_scene = {path: size for path, size in (sizes or {}).items() if not is_amplitude(path)}
+    scene.with_values(of_scene)  # refuses what no scene may have, as where an effect is hidden
     with threadpool_limits(1, "blas"):  # many small matrices, as in a diagnosis
         try:
             return _together(readings, scene, names, sizes or {}, diffuse)
@@ -114,18 +118,17 @@ def _together(
         source, reason = source_of(scene, diffuse, readings)
         forward = SceneForward(scene, table, source)
         problem, untestable = problem_of(forward, table, known, reason)
+        problem = problem.with_curves()
         chosen = _chosen(problem, untestable, names)
         values = _values(chosen, sizes)
-        unlit = problem.fit(
-            (), _plainly, [problem.model().start]
-        ).values  # its gain makes the brightest reading 1
-        table = replace(table, value=forward.predict({**unlit, **values}))
-        forward = SceneForward(scene, table, source)
+        unlit = problem.fit((), _plainly, [problem.model().start])  # its gain makes the brightest reading 1
+        table = replace(table, value=forward.predict({**unlit.values, **values}))
+        forward = SceneForward(scene, table, light=forward.light)  # curves mean the same
         problem, _ = problem_of(forward, table, known, reason)
     problem = problem.with_curves()
     chosen = tuple(next(c for c in problem.candidates if c.key == one.key) for one in chosen)
     with step(1, steps, "all effects at once"):
-        pool, node = _searched(forward, problem, chosen, values, readings, table)
+        pool, node = _searched(forward, problem, chosen, {**unlit.values, **values}, readings, table)
         pool.progress = lambda _: tell(f"{pool.fits} sets fitted", 0.0)
         seen = _worth_their_price(pool, node)
     for k, candidate in enumerate(seen.explanation):
@@ -141,7 +144,7 @@ def _together(
         for c in chosen
     ]
     budget = budget_of(replace(table, stderr=readings.stderr))
-    return Together(expected, problem.layout.size, units_of(scene), budget.assumed)
+    return Together(expected, problem.layout.size, units_in(forward), budget.assumed)
 
 
 def _plainly(columns: Array) -> Array:
@@ -152,12 +155,6 @@ def _chosen(problem: Problem, untestable: Untestable, names: Sequence[str]) -> E
     out: list[Candidate] = []
     for name in names:
         effect, form = effects.get_form(name)
-        if effect.is_free_form:
-            raise UsageError(
-                "a curve has no size to plan for",
-                found=name,
-                remedy=f"name one of {', '.join(effect.contains) or 'the named effects'}",
-            )
         mine = [c for c in problem.candidates if c.name == effect.name]
         if not mine:
             raise UsageError(
@@ -166,6 +163,8 @@ def _chosen(problem: Problem, untestable: Untestable, names: Sequence[str]) -> E
                 remedy="change the layout or scene",
             )  # fmt: skip
         one = next((c for c in mine if c.form.name == form.name), mine[0])
+        if effect.is_free_form and ":" not in name:
+            one = [c for c in mine if not c.form.refines][-1]
         for other in out:
             if not effect.combines_with(other.effect):
                 raise UsageError(
@@ -180,9 +179,11 @@ def _values(chosen: Explanation, sizes: Mapping[str, float]) -> dict[str, float]
     """Scene values of the effects."""
     out: dict[str, float] = {}
     for candidate in chosen:
+        # Curves lead down: functions of an angle rise without end, and a lamp brighter there fills the tank.
+        sign = -1.0 if candidate.effect.is_free_form else 1.0
         for parameter, typical in zip(candidate.amplitudes, candidate.typical, strict=True):
-            room = 0.5 * (parameter.high - parameter.start)
-            out[parameter.path] = parameter.value(parameter.start + min(_TIMES_TYPICAL * typical, room))
+            size = min(_TIMES_TYPICAL * typical, 0.5 * (parameter.high - parameter.start))
+            out[parameter.path] = parameter.value(parameter.start + sign * size)
         for parameter, at in zip(candidate.shapes, candidate.grid[0], strict=True):
             out[parameter.path] = parameter.value(at)
     if other := sorted(set(sizes) - set(out)):
@@ -191,6 +192,11 @@ def _values(chosen: Explanation, sizes: Mapping[str, float]) -> dict[str, float]
             found=", ".join(other),
             rule=f"one of {', '.join(out)}",
         )
+    for path, size in sizes.items():
+        if is_amplitude(path) and not abs(size) <= LARGEST:
+            raise UsageError(
+                "no curve is as large", where=path, found=size, rule=f"at most {LARGEST:g} either way"
+            )
     return {**out, **sizes}
 
 
@@ -202,28 +208,17 @@ def _searched(
     readings: Readings,
     table: Readings,
 ) -> tuple[Pool, Node]:
-    """Sets that were fitted to the noise-free readings, and the true one among them."""
+    """Sets that were fitted to the noise-free readings, and the true one, which starts at the truth."""
     budget = budget_of(replace(table, stderr=readings.stderr))
     base = problem.fit((), _plainly, [problem.model().start])
     slope = budget.position_slope(forward, {**base.values, **values})
     sigma = own_part(table.stderr, problem.layout.common * table.value)
     whiten = Whitener(Noise(problem.layout, sigma, table.value, budget, slope), 0.0, 1.0, 0.0)
     model = problem.model(chosen)
-    start = {
-        p.path: p.coordinate_of(values[p.path]) if p.path in values else p.start for p in model.parameters
-    }
-    start |= dict(zip(base.paths, base.u.tolist(), strict=True))
-    begun = {p.path: p.start for p in problem.base}
-    starts = [
-        np.array(
-            [
-                *(origin[p.path] for p in problem.base),
-                *(start[p.path] for p in model.parameters[len(problem.base) :]),
-            ]
-        )
-        for origin in (start, begun)
-    ]
-    true = problem.fit(chosen, whiten, starts)
+    start = np.array(
+        [p.coordinate_of(values[p.path]) if p.path in values else p.start for p in model.parameters]
+    )
+    true = problem.fit(chosen, whiten, [start])
     test = whitened_test(problem, whiten, np.random.default_rng(0))
     ground = Ground(test, 1.0, test(true).nu)
     pool = Pool(ground)

@@ -12,6 +12,7 @@ from scipy import optimize
 from lightfield import cli
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.expected import Together
+from lightfield.diagnosis.plan import planned
 from lightfield.diagnosis.together import together
 from lightfield.errors import SceneError, UsageError
 from lightfield.experiments.hide import Secret, hide
@@ -78,9 +79,41 @@ def test_what_is_seen_and_what_is_not(made: Together) -> None:
     assert made.as_data()["effects"][2]["level"] == "not seen"
 
 
+def test_sigma_of_a_curve_is_by_how_much_a_gaussian_lamp_is_worse(layout: Readings) -> None:
+    (curve,) = together(layout, SCENE, ["beam_profile:4 functions"]).expected
+    assert curve.values == {f"lamp.profile_departure.{k}": -0.04 for k in (1, 2, 3, 4)}
+    light = SceneForward(SCENE, planned(layout, SCENE)).predict(curve.values)
+    start = np.array([1.0, HWHM, ABSORPTION])
+
+    def misses(p: np.ndarray) -> np.ndarray:
+        return (by_formula(layout, np.append(p, 0.0), 0.0) - light / unit) / ERROR
+
+    unit = float(SceneForward(SCENE, layout).predict({}).max())
+    fit = optimize.least_squares(misses, start, x_scale=start)
+    assert curve.sigma == pytest.approx(np.sqrt(2 * fit.cost), rel=0.02)
+
+
+def test_what_a_lamp_of_unknown_shape_takes_from_the_others(layout: Readings) -> None:
+    size = {"detector.background": 0.008}
+    made = together(layout, SCENE, ["beam_profile:4 functions", "background"], size)
+    alone = together(layout, SCENE, ["background"], size).expected[0]
+    curve, background = made.expected
+    assert curve.level == background.level == alone.level == "certain"
+    assert background.gap < alone.gap and background.certain < alone.certain
+    assert "lamp.profile_departure.1 to .4 = -0.04" in made.as_text()
+
+
+def test_a_curve_has_as_many_functions_as_the_layout_tells_of(layout: Readings) -> None:
+    (curve,) = together(layout, SCENE, ["attenuation_profile"]).expected
+    assert len(curve.values) == 3  # five planes: their gains but for one, and but for the attenuation
+
+
 def test_a_wrong_question_is_refused(layout: Readings) -> None:
     for names, sizes, what in (
-        (["beam_profile"], {}, "curve"),
+        (["beam_profile"], {"lamp.profile_departure.1": 8.0}, "no curve is as large"),
+        (["beam_profile"], {"lamp.profile_departure.1": float("nan")}, "no curve is as large"),
+        (["beam_profile:2 functions"], {"lamp.profile_departure.3": 0.1}, "not asked about"),
+        (["beam_profile", "beam_skirt"], {}, "not fitted together"),
         (["wall_reflection"], {}, "cannot act here"),
         (["background"], {"lamp.offset_x_m": 0.1}, "not asked about"),
         (["background", "background"], {}, "not fitted together"),
@@ -137,20 +170,24 @@ def test_the_command_answers_and_writes(tmp_path, capsys) -> None:
 
 
 @pytest.mark.slow
-def test_chances_are_those_of_noisy_campaigns(layout: Readings) -> None:
+@pytest.mark.parametrize(
+    "names", [["beam_offset", "background", "lamp_drift"], ["beam_profile:4 functions", "background"]]
+)
+def test_chances_are_those_of_noisy_campaigns(layout: Readings, names: list[str]) -> None:
     """Twenty campaigns, diagnosed: each effect is certain, or named, as often as was foretold."""
-    names = ["beam_offset", "background", "lamp_drift"]
-    made = together(layout, SCENE, names)
+    sizes = {"detector.background": 0.008} if len(names) == 2 else {}
+    made = together(layout, SCENE, names, sizes)
     values = {path: value for one in made.expected for path, value in one.values.items()}
-    forward = SceneForward(SCENE, layout)
+    forward = SceneForward(SCENE, planned(layout, SCENE))
     light = forward.predict({})
     clean = forward.predict({**values, "gain": 1 / light.max()})
     rng, draws = np.random.default_rng(1), 20
-    certain, named = dict.fromkeys(names, 0), dict.fromkeys(names, 0)
+    effects = [one.effect for one in made.expected]
+    certain, named = dict.fromkeys(effects, 0), dict.fromkeys(effects, 0)
     for _ in range(draws):
         noisy = replace(layout, value=clean + ERROR * rng.standard_normal(len(clean)))
         verdict = diagnose(noisy, SCENE, diffuse=None, advise=False).verdict
-        for one in names:
+        for one in effects:
             certain[one] += one in verdict.certain
             named[one] += one in (*verdict.certain, *verdict.simplest)
     for one in made.expected:
