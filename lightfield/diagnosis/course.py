@@ -16,7 +16,7 @@ from lightfield.diagnosis.problem.setup import budget_of, problem_of
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.cascade import Finding, search
-from lightfield.diagnosis.search.many import beyond_two, levelled
+from lightfield.diagnosis.search.many import beyond_two, is_overtaken, levelled
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search_progress import Progress
@@ -146,6 +146,9 @@ def _course(inquiry: Inquiry, progress: Progress) -> Outcome:
     known = _searched(inquiry, progress)
     progress("rivals of every effect")
     known = known.now(known.prepared, levelled(known.data, known.prepared, known.finding))
+    if is_overtaken(known.finding):
+        more = _beyond_two(inquiry, known, known.prepared, progress)
+        known = more if more.finding.accepted else known
     if inquiry.is_settled_after and not known.is_settled:
         known = _settled_after(inquiry, known, progress)
     return _judged(inquiry, known)
@@ -230,13 +233,16 @@ def _is_simpler(finding: Finding, other: Finding) -> bool:
 
 
 def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
-    """One or two effects that pass because the errors are taken for too small, or more that explain it."""
+    """One or two effects that pass because the errors are taken for too small, or more that explain the
+    scatter: if not all of it, something is missing, and the two are no answer."""
     scale = variance_scale(known.prepared, known.finding)
     if scale < _TOO_SMALL:
         return known
     more = _beyond_two(inquiry, known, known.prepared, progress)
-    explains = more.finding.best is not None
-    return more if explains and variance_scale(more.prepared, more.finding) < _MENDS * scale else known
+    many = more.finding.many
+    if many is None or variance_scale(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
+        return known
+    return more if more.finding.accepted else _beside_unknowns(inquiry, more, progress) or more
 
 
 def _beyond_two(

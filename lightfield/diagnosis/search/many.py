@@ -11,6 +11,7 @@ from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
+from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
 from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
@@ -40,7 +41,7 @@ def beyond_two(
     Parameters
     ----------
     finding : Finding
-        That no one or two effects explain the readings.
+        That no one or two effects explain the readings, or none that is believed.
     seed : int
         Of the bootstrap.
     thorough : bool
@@ -54,8 +55,9 @@ def beyond_two(
     others = (_tried(many.pool, n, bench) for n in near if n is not many.best and n.explanation)
     kept = int(many.prepared.problem.keep.sum())
     found = replace(
-        finding, level=level, levels=[*finding.levels, level], tried=[best, *others], n=kept, many=many
-    )
+        finding, level=level, levels=[*finding.levels, level], tried=[best, *others], n=kept, many=many,
+        size=None, accepted=[], weights=[],
+    )  # fmt: skip
     if not (many.adequate and many.best.explanation):
         return many.prepared, found
     accepted = [best, *_family(many, alpha)]
@@ -122,6 +124,15 @@ def levelled(data: Data, prepared: Prepared, finding: Finding) -> Finding:
     )  # fmt: skip
     finding = replace(finding, many=many)
     return finding if data.problem.sample is not None else _beside(finding, pool, node, best.test)
+
+
+def is_overtaken(finding: Finding) -> bool:
+    """Do one or two effects pass the test, though a set among their rivals costs less by more than names are
+    worth? Most often a curve, which is not sought where a name passes."""
+    many = finding.many
+    if many is None or many.sought or finding.best is None:
+        return False
+    return Weighing.of(many.pool, many.best).above(many.pool.best()) < -NAMED_FIRST
 
 
 def _never_tested() -> Array:

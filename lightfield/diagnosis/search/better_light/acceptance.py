@@ -14,7 +14,7 @@ from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import Settled
 from lightfield.diagnosis.search.cascade import Finding, level_for, with_base
-from lightfield.diagnosis.search.pool.any_number import named
+from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Prepared, judged

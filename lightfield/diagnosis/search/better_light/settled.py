@@ -24,7 +24,8 @@ from lightfield.diagnosis.search.better_light.settling import Judge, Settled, se
 from lightfield.diagnosis.search.cascade import Finding, far_beyond, level_at
 from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import under_own_errors, with_response_error
-from lightfield.diagnosis.search.pool.any_number import Data, named
+from lightfield.diagnosis.search.pool.answer import named
+from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.fitted_sets import Node, begin_at
 from lightfield.diagnosis.search.preparation import Prepared, judged, prepare_about

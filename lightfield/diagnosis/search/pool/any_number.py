@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
+from lightfield.diagnosis.search.pool.answer import named, the_answer
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool, fitted_at
@@ -24,7 +25,6 @@ from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
 from lightfield.diagnosis.search.search_progress import Progress
-from lightfield.fitting.effects.local import FAMILY as UNKNOWN
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
@@ -41,10 +41,6 @@ _NEAR, _ROUNDS_WITHIN = 1.0, 3
 #: Chi-square over that of the noise from which on a set misses the readings by far. Chosen: what lacks one of
 #: several effects leaves more.
 _FAR = 2.0
-#: Cost by which a curve has to be better than named effects in its place. Chosen on a third of the sets of
-#: `benchmarks.many_effects`: where the beam's was cheaper by less, forms of the beam were hidden, in 4 of 4;
-#: of 54 lamps that are no Gaussian, and were named by it, it was cheaper by 6.9 at least.
-NAMED_FIRST = 5.0
 #: Traces until one set stays where it was traced, at most; most take one or two.
 _TRACES = 4
 
@@ -114,11 +110,6 @@ class Data:
             return replace(self, problem=every)
         assert every.sample is not None
         return replace(self, problem=every.sample[1], whole=every)
-
-
-def named(candidate: Candidate) -> bool:
-    """Is it a named effect, not a curve?"""
-    return not candidate.effect.is_free_form
 
 
 def direct(candidate: Candidate) -> bool:
@@ -269,35 +260,10 @@ def search_many(
     adequacy = made.test(found.fit)
     adequate = adequacy.passes(alpha)
     if adequate:
-        found, adequacy = _named_first(pool, made, found, adequacy, alpha)
+        found, adequacy = the_answer(pool, made, found, adequacy, alpha)
     base = pool.nodes[frozenset()]
     certainty = evidence(pool, found, adequate)
     return Many(prepared, made, tolerance, pool, found, base, adequacy, adequate, certainty)
-
-
-def _named_first(
-    pool: Pool, made: Bench, found: Node, adequacy: Adequacy, alpha: float
-) -> tuple[Node, Adequacy]:
-    """The cheapest set that passes the test with fewer curves, where the best costs little less; or the best.
-
-    A curve follows whatever named effects it contains, and the noise besides. Where it is cheaper all the
-    same, they are one of two ways to see it. A local unknown is no name.
-    """
-    curves = {c.key for c in found.explanation if not named(c)}
-    limit = pool.cost(found) + NAMED_FIRST
-    for node in sorted(pool.nodes.values(), key=pool.cost):
-        if pool.cost(node) > limit:
-            break
-        fewer = {c.key for c in node.explanation if not named(c)} < curves
-        if not fewer or any(c.effect.family == UNKNOWN and c.key not in found.key for c in node.explanation):
-            continue
-        exact = pool.exact(node)
-        tested = made.test(exact.fit)
-        if tested.passes(alpha):
-            for candidate in exact.explanation:
-                seek_rivals(pool, exact, candidate)
-            return exact, tested
-    return found, adequacy
 
 
 def _of_sample(

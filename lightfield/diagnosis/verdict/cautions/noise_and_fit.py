@@ -24,9 +24,10 @@ def _about_the_best(finding: Finding) -> Adequacy:
     return finding.level.adequacy if best is None or best.adequacy is None else best.adequacy
 
 
-def variance_scale(prepared: Prepared, finding: Finding) -> float:
-    """Variance of the readings' errors over the quoted one."""
-    return prepared.excess * finding.level.bench.phi * _about_the_best(finding).phi
+def variance_scale(prepared: Prepared, finding: Finding, about: Adequacy | None = None) -> float:
+    """Variance of the readings' errors over the quoted one, as judged about the best explanation, or another
+    set."""
+    return prepared.excess * finding.level.bench.phi * (about or _about_the_best(finding)).phi
 
 
 def cautions(

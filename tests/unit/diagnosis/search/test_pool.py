@@ -18,6 +18,7 @@ from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
+from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
 from lightfield.diagnosis.search.pool.any_number import Data, Many, everything, search_many
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
@@ -194,7 +195,7 @@ def test_a_named_effect_wins_where_a_curve_is_cheaper_by_little(beside: float, b
         for names in (("round",), ("profile0", "profile1"))
     }
     ahead = chi2["round",] + price[1] - chi2["profile0", "profile1"] - price[2]
-    assert (0 < ahead < pooled.NAMED_FIRST) if best == "round" else ahead > pooled.NAMED_FIRST
+    assert (0 < ahead < NAMED_FIRST) if best == "round" else ahead > NAMED_FIRST
     assert found.best.names == {best, "dusk", "fan"} and found.adequate
     assert {e.candidate.name: e.level for e in found.evidence} == {
         best: "one of", "dusk": "certain", "fan": "certain"
