@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.curves import Curves
+from lightfield.fitting.curves import Curves, field_of
 from lightfield.fitting.diffuse_light import Diffuse, DiffuseLight, DiffuseSource
 from lightfield.fitting.parameter import is_gain
 from lightfield.fitting.scene_of_values import SceneOfValues
@@ -100,7 +100,7 @@ class LightSource:
 
     def light(self, values: Mapping[str, float]) -> Array:
         """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
-        return self._remembered(tuple(sorted(_optical(self.scenes.stated(values)).items())))
+        return self._remembered(tuple([(path, values[path]) for path in _optical_of(tuple(values))]))
 
     def rest(self, values: Mapping[str, float]) -> Array:
         """Scattered and reflected light for unit on-axis intensity, shape (n,)."""
@@ -162,9 +162,10 @@ class LightSource:
         return lru_cache(_REMEMBERED)(self._made)
 
     def _made(self, optical: tuple[tuple[str, float], ...]) -> Array:
-        if self.held is not None and self.held[2] != _diffuse(dict(optical)):
+        values = self.scenes.stated(dict(optical))
+        if self.held is not None and self.held[2] != _diffuse(values):
             return self.held[0].light(dict(optical))
-        scene = self.scenes.scene.with_values(dict(optical), validate=False)
+        scene = self.scenes.scene.with_values(values, validate=False)
         light: Array = self.direct(scene, self.readings)
         if self.held is not None:
             return np.asarray(light * self.correction + self.held[1])
@@ -175,7 +176,13 @@ class LightSource:
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:
     """The values that make the light field, without those that act on the readings afterwards."""
-    return {k: v for k, v in values.items() if not is_gain(k) and k not in _AFTERWARDS}
+    return {path: values[path] for path in _optical_of(tuple(values))}
+
+
+@lru_cache(maxsize=1024)
+def _optical_of(paths: tuple[str, ...]) -> list[str]:
+    """Those of some paths that make the light field."""
+    return sorted(path for path in paths if not is_gain(path) and field_of(path) not in _AFTERWARDS)
 
 
 def _diffuse(values: Mapping[str, float]) -> dict[str, float]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 
 from lightfield.fitting.curves import Curves, Stated, field_of
 from lightfield.fitting.parameter import is_gain
 from lightfield.scene import Scene
-from lightfield.scene.listed import OWN
+from lightfield.scene.listed import OWN, OWN_FIELD
+from lightfield.scene.own.own_effect import OwnEffect
 
 #: So many scenes are remembered: most steps of a fit change something else.
 REMEMBERED = 16
@@ -41,8 +42,21 @@ class SceneOfValues:
         return self.scene.with_values(self.stated(values), validate=validate)
 
     def stated(self, values: Mapping[str, float]) -> Stated:
-        """Values as a scene takes them: nodes of curves in place of amplitudes."""
-        return self.curves.stated(values)
+        """Values as a scene takes them: nodes of curves in place of amplitudes, effects of the user's own in
+        place of their parameters."""
+        out = self.curves.stated(values)
+        if not self.scene.effect:
+            return out
+        own = tuple([item for item in out.items() if item[0].startswith(OWN)])
+        if not own:
+            return out
+        rest = {path: value for path, value in out.items() if not path.startswith(OWN)}
+        return {**rest, OWN_FIELD: self._effects(own)}
+
+    @cached_property
+    def _effects(self) -> Callable[[Chosen], tuple[OwnEffect, ...]]:
+        """The scene's own effects with values of their parameters: several parts of a prediction ask."""
+        return lru_cache(REMEMBERED)(lambda own: self.scene.with_values(dict(own), validate=False).effect)
 
     def of_those(self, values: Mapping[str, float], paths: frozenset[str]) -> Scene:
         """The scene with those of the values that lie at some paths, see `chosen`."""
@@ -59,7 +73,9 @@ class SceneOfValues:
 
 def chosen(values: Mapping[str, float], paths: frozenset[str]) -> Chosen:
     """Those of the values that lie at some paths, or in effects of the user's own, in one order."""
-    return tuple(sorted(v for v in values.items() if _field_of(v[0]) in paths or v[0].startswith(OWN)))
+    return tuple([(path, values[path]) for path in _those(tuple(values), paths)])
 
 
-_field_of = cache(field_of)
+@lru_cache(maxsize=1024)
+def _those(given: tuple[str, ...], paths: frozenset[str]) -> list[str]:
+    return sorted(path for path in given if field_of(path) in paths or path.startswith(OWN))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Annotated
 
 import numpy as np
@@ -59,5 +59,5 @@ def _from_first(place: Array, value: Array, at: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def _columns(nodes: Nodes) -> tuple[Array, Array]:
-    place, value = np.array(nodes, float).T
+    place, value = np.fromiter(chain.from_iterable(nodes), float, 2 * len(nodes)).reshape(-1, 2).T
     return place, value

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cache
 from typing import Any, Protocol
 
 from lightfield.scene.own.own_effect import OwnEffect
@@ -43,7 +44,7 @@ def listed_parameters(scene: Listing) -> Iterator[Parameter]:
         for name, p in effect.parameters.items():
             meaning = p.meaning or f"{name} of the effect {effect.name}"
             low, high = p.range
-            path = _own_path(effect, name)
+            path = _own_path(effect.name, name)
             yield Parameter(path, p.unit, meaning, low, high, p.neutral, p.now, effect.acts)
 
 
@@ -64,7 +65,9 @@ def with_listed(scene: Listing, values: Mapping[str, Any]) -> dict[str, Any]:
     out = {path: value for path, value in values.items() if path not in named}
     if not named:
         return out
-    of_effects = {_own_path(effect, name) for effect in scene.effect for name in effect.parameters}
+    of_effects = set[str]().union(
+        *(_own_paths(effect.name, tuple(effect.parameters)) for effect in scene.effect)
+    )
     points = {w: f"{AT}{w:g}nm" for w, _ in scene.water.absorption_at}
     missing = next((path for path in named if path not in of_effects and path not in points.values()), None)
     if missing is not None:
@@ -76,15 +79,24 @@ def with_listed(scene: Listing, values: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
-def _own_path(effect: OwnEffect, name: str) -> str:
-    return f"{OWN}{effect.name}.{name}"
+@cache
+def _own_path(effect: str, name: str) -> str:
+    return f"{OWN}{effect}.{name}"
+
+
+@cache
+def _own_paths(effect: str, names: tuple[str, ...]) -> frozenset[str]:
+    return frozenset(_own_path(effect, name) for name in names)
 
 
 def _changed(effect: OwnEffect, named: Mapping[str, Any]) -> OwnEffect:
-    values = {name: named.get(_own_path(effect, name)) for name in effect.parameters}
+    parameters = effect.parameters
+    if named.keys().isdisjoint(_own_paths(effect.name, tuple(parameters))):
+        return effect
+    values = {name: named.get(_own_path(effect.name, name)) for name in parameters}
     new = {
-        name: effect.parameters[name].model_copy(update={"value": value})
+        name: parameters[name].model_copy(update={"value": value})
         for name, value in values.items()
         if value is not None
     }
-    return effect.model_copy(update={"parameters": effect.parameters | new}) if new else effect
+    return effect.model_copy(update={"parameters": parameters | new}) if new else effect
