@@ -162,7 +162,9 @@ def test_a_shadow_is_unexplained_and_located() -> None:
     jsonschema.validate(json.loads(verdict.model_dump_json()), json_schema())
 
 
-@pytest.mark.parametrize("period_deg", [1.1, pytest.param(1.5, marks=pytest.mark.slow), 2.0])
+@pytest.mark.parametrize(
+    "period_deg", [2.0, *(pytest.param(at, marks=pytest.mark.slow) for at in (1.1, 1.5))]
+)
 def test_a_ripple_of_the_angle_is_not_taken_for_noise(period_deg: float) -> None:
     """Not far above the noise of 1 %: a beam that is no Gaussian, or too fast for any smooth curve."""
 
@@ -216,6 +218,7 @@ def test_what_cannot_be_tested_says_why() -> None:
     assert "absorbed" in verdict.untestable["acceptance"]
 
 
+@pytest.mark.slow
 def test_detection_limits_are_what_is_detected() -> None:
     """An effect of its detection limit is found in most of 8 sets; one of a tenth of it in next to none."""
     table, scene = readings(seed=0)

@@ -193,7 +193,6 @@ def test_stored_rungs_give_their_error_again(found, tmp_path):
         ("cdom", "cdom", "water.cdom_440_per_m", 0.1, None),
         ("sediment", "sediment", "water.sediment_g_per_m3", 0.5, None),
         ("chlorophyll", "chlorophyll", "water.chlorophyll_mg_per_m3", 0.8, WATERS),
-        ("much_sediment", "sediment", "water.sediment_g_per_m3", 2.0, WATERS),
         pytest.param("chlorophyll", "chlorophyll", "water.chlorophyll_mg_per_m3", 0.8, None, marks=SLOW),
         pytest.param("much_sediment", "sediment", "water.sediment_g_per_m3", 2.0, None, marks=SLOW),
     ],

@@ -43,7 +43,7 @@ def found() -> Diagnosis:
     return shaded(pole)
 
 
-@pytest.mark.parametrize("by", [pole, slab])
+@pytest.mark.parametrize("by", [pole, pytest.param(slab, marks=pytest.mark.slow)])
 def test_they_are_certain_as_far_as_the_rest_allows(
     by: Callable[[Readings], np.ndarray], found: Diagnosis
 ) -> None:

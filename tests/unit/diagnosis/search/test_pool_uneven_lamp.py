@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.diagnosis.search.pool.uneven_lamp import of_an_uneven_lamp
+from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
 from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.effects import registry
@@ -46,7 +46,7 @@ def test_a_lopsided_beam_is_named_with_its_size(seed: int) -> None:
     assert abs(size.value - 0.06) < 3.5 * size.stderr < 0.01
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_a_lamp_that_is_uneven_otherwise_is_no_certain_tilt(seed: int) -> None:
     """Tilt, turned and narrow receiver together follow it: functions of the direction, as the lamp is."""
     verdict = verdict_on(seed, brighter=0.15, tail=1.0)
@@ -78,7 +78,17 @@ def test_which_effects_may_be_one_lamp() -> None:
     assert alike("beam_profile", "beam_offset", "lamp_size") == []
 
 
-@pytest.mark.parametrize("seed", [2, pytest.param(7, marks=pytest.mark.slow)])
+def test_beside_a_curve_as_fine_as_they_go_all_else_is_told() -> None:
+    """Functions by the dozen: what they leave out of an edge or a ring others fill."""
+    profile, other = registry.get("beam_profile"), SimpleNamespace(name="background")
+    for form in profile.forms:
+        beside = beside_finest_curve([SimpleNamespace(name=profile.name, form=form), other])
+        assert beside == ([other] if form.refines else [])
+    assert any(form.refines for form in profile.forms) and beside_finest_curve([other]) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 7])
 def test_what_a_lamp_with_an_edge_leaves_over_is_no_certain_background(seed: int) -> None:
     """A trapezoid over the angle, of which smooth curves leave a rest; an offset and a drift besides."""
     rng = np.random.default_rng(seed)

@@ -91,6 +91,7 @@ def campaign(seed: int, lamp_per_hour: float, water_per_hour: float) -> Readings
     )
 
 
+@pytest.mark.slow
 def test_absorption_beside_a_drift_that_is_too_small_to_be_named() -> None:
     """Twelve campaigns: the errors of the fit with the drift that is named hold the absorption in half."""
     off, own = [], []
