@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from lightfield.scene.water.water import Water
 
 #: Moments at which the scattered light of changing water is asked for: right to 1e-3 of it 8.5 m away in
-#: water that goes from b = 0.3 per m to 0.01 (tests/physics/test_tank_effects.py).
+#: water that goes from b = 0.3 per m to 0.01 (tests/physics/found/test_tank_effects.py).
 MOMENTS = 4
 
 

@@ -42,7 +42,7 @@ ABSORBED = 1e-3
 #: amplitude would have to be twenty times the noise to be seen.
 _VISIBLE = 0.05
 #: Scatter up to this many times the quoted variance is put down to errors quoted too small: a factor of two
-#: in the standard error, as tables are wrong (tests/physics/test_diagnosis.py has 1.7).
+#: in the standard error, as tables are wrong (tests/physics/found/test_diagnosis.py has 1.7).
 VARIANCE_EXCESS = 4.0
 #: More scatter than that is a misfit when it has this chance. Chosen: a tenth of ALPHA, which it adds to.
 EXCESS_LEVEL = 1e-3

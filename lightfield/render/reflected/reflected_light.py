@@ -28,7 +28,8 @@ from lightfield.render.reflected.waves import glitter
 from lightfield.scene import Lamp, Scene, Tank, receiver
 
 #: Part of the light of waves that met two facets in a row: 0 to 7 % of it for slopes of 2 to 12 degrees, a
-#: lamp 0.25 to 1.2 m below the surface, 3 to 6.5 m away (`tests/physics/test_waves.py`); the middle of that.
+#: lamp 0.25 to 1.2 m below the surface, 3 to 6.5 m away (`tests/physics/light/test_waves.py`); the middle of
+#: that.
 TWO_FACETS = 0.035
 
 

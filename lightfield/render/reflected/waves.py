@@ -30,7 +30,7 @@ from lightfield.scene.lamp.profile import relative_intensity
 _FAR, _STEEP = 4.5, 0.95
 #: Steps between slopes, as parts of the standard deviation and of the half width of the beam, which is turned
 #: by twice the slope; at most so many to a side. A sum of even steps over a Gaussian of 0.75 of its standard
-#: deviation errs by 1e-15; beside a beam the sum is held to 1 % by `tests/physics/test_waves.py`.
+#: deviation errs by 1e-15; beside a beam the sum is held to 1 % by `tests/physics/light/test_waves.py`.
 _STEP, _STEP_OF_BEAM, _MOST = 0.75, 0.35, 24
 #: Ways that are worked out at a time.
 _AT_ONCE = 200_000

@@ -21,7 +21,8 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 BROAD_M, BROAD_DEG, ROOMY_M = 0.25, 5.7, 1.0
 #: What a receiver that looks along the axis sees varies over the radius of its view at the lamp's distance:
 #: from this one on cells are as large as asked for. Of 0.2 m they are half of it, and scattered light behind
-#: collimators of 1 to 15 degrees is right to 1 % (tests/physics/test_collimator.py); at 0.7 of it to 3 %.
+#: collimators of 1 to 15 degrees is right to 1 % (tests/physics/light/test_collimator.py); at 0.7 of it to
+#: 3 %.
 SEEN_M = 0.4
 #: Of a tally of the flux vector: its components, and the irradiance of a plane that faces away from the lamp.
 COMPONENTS = ("x", "y", "z", "back")

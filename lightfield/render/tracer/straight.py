@@ -29,7 +29,7 @@ from lightfield.scene.lamp.profile import solid_angle_sr
 FEWEST_LINES, MOST_LINES = 4, 256
 #: A line to a cell is worth as many photons that cross it, times the square of the beam's width in cells and
 #: the root of the number of lines: in cells of 3 cm at 4.5 m four lines tell as much as photons do of a beam
-#: of 1 degree. Chosen; `tests/physics/test_straight.py` compares both from 0.2 to 30 degrees.
+#: of 1 degree. Chosen; `tests/physics/light/test_straight.py` compares both from 0.2 to 30 degrees.
 WORTH = 8
 #: Where photons across the brightest cell are worth less than this part of its lines, none are drawn. Chosen.
 LEAST_WORTH = 0.3

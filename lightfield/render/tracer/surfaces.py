@@ -2,7 +2,7 @@
 
 The tank of a scene is a box, and where a ray leaves a box from inside takes a few multiplications; the search
 of a ray tracer through six rectangles took a quarter of the photon walk. Both are here, side by side, and
-`tests/physics/test_transport_surfaces.py` holds them together.
+`tests/physics/transport/test_surfaces.py` holds them together.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ from lightfield.scene.all_parameters import without
 from lightfield.studies.light_at import Places, diffuse_response_at
 
 #: Nodes in absorption and in scattering: the polynomials meet the response between them to a twentieth of
-#: its own error (tests/physics/test_attenuation.py).
+#: its own error (tests/physics/found/test_attenuation.py).
 NODES_A, NODES_B = 4, 9
 #: Light that is known worse than this is not followed: chosen, a fit would only follow the noise.
 MOST_ERROR = 0.2

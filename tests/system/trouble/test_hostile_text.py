@@ -20,7 +20,7 @@ from lightfield import cli
 from lightfield.commands.shared.console import console
 from lightfield.commands.shared.terminal import printable
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 CLEAR = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202e"
 SCENE = "[water]\nabsorption_per_m = 0.1\n"
 NINES = "9" * 5000

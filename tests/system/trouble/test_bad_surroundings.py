@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 TANK = '[water]\nabsorption_per_m = 0.1\n[tank]\nsurface = "none"\n'
 
 

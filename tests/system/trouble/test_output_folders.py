@@ -22,7 +22,7 @@ from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.sweep_plan import SweepSettings, make_plan
 
-SCENES = Path(__file__).resolve().parents[2] / "scenes"
+SCENES = Path(__file__).resolve().parents[3] / "scenes"
 HIDDEN = f"{SCENES}/hidden_effect/data.csv --scene {SCENES}/hidden_effect/scene.toml"
 
 

@@ -28,7 +28,7 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 DATA = ROOT / "tests" / "data" / "verdicts"
 STORY = ROOT / "scenes" / "hidden_effect"
 KINDS = ("none", "identified", "ambiguous")

@@ -21,7 +21,7 @@ import pytest
 from lightfield.commands.shared.progress import times
 
 CASES = 3000
-TESTS = Path(__file__).resolve().parents[1]
+TESTS = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize(

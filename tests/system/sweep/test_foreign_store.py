@@ -223,7 +223,7 @@ def zarr_2(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     installed = subprocess.run(words, capture_output=True, text=True, check=False)
     if installed.returncode:
         pytest.skip(f"zarr 2 cannot be installed: {installed.stderr[-200:]}")
-    here = str(Path(__file__).resolve().parents[2])
+    here = str(Path(__file__).resolve().parents[3])
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(folder), here])}
 
 

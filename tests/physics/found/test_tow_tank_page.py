@@ -20,7 +20,7 @@ from lightfield.studies.attenuation.ratios import ratios_of
 from lightfield.studies.attenuation.study import attenuation
 from lightfield.studies.working_range.study import working_range
 
-FOLDER = Path(__file__).resolve().parents[2] / "scenes" / "unh_tow_tank"
+FOLDER = Path(__file__).resolve().parents[3] / "scenes" / "unh_tow_tank"
 PAGE = (FOLDER / "README.md").read_text(encoding="utf-8")
 
 

@@ -19,7 +19,7 @@ OTHERS = (
     "saturation",
     "detector_tilt",
 )
-FOLDER = Path(__file__).parents[2] / "scenes" / "dive_lamp"
+FOLDER = Path(__file__).parents[3] / "scenes" / "dive_lamp"
 
 
 def test_values_are_those_of_the_truth_within_their_errors() -> None:
