@@ -244,7 +244,8 @@ class Together(ToldByDetails[Certainty]):
         """A row per effect: sigma to remove, gap, chances, level."""
         import pandas as pd
 
-        columns = ["effect", "sigma_to_remove", "gap", "chance_of_certain", "level"]
+        chances = ["chance_of_certain", "chance_of_certain_or_simplest"]
+        columns = ["effect", "sigma_to_remove", "gap", *chances, "level"]
         return pd.DataFrame(self.as_data()["effects"])[columns]
 
     def _page(self) -> str:
@@ -293,6 +294,8 @@ def plan(
     known = scene_of(scene, effects_file)
     table = readings_of(layout, known, layout=True)
     if effects is not None:
+        if not effects:
+            raise UsageError("no effect is named", where="effects", rule="one at least")
         return Together(together(table, known, named(effects), size, diffuse_source(trace)))
     if size:
         raise UsageError("a size of no effect", where="size", rule="together with effects")

@@ -10,16 +10,22 @@ from typing import Literal
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.search.pool.evidence import NAMED_GAP
 from lightfield.diagnosis.verdict.speech import in_unit, join
-from lightfield.fitting.curves import field_of
+from lightfield.fitting.curves import field_of, is_amplitude
 
 #: Chances from which on an effect "would be certain", and up to which it would not. Chosen.
 LIKELY, UNLIKELY = 0.9, 0.1
+#: Amplitudes of a curve that are told one by one, at most.
+_LONG = 5
 Outlook = Literal["certain", "simplest", "perhaps", "no", "not seen"]
 HEAD = ("effect", "sigma", "gap", "certain", "named", "why", "at which size")
 ABOUT = (
     "sigma: by how much the others, refitted, are worse without it. gap: what the best set without it costs",
     f"more, in chi-square: {NAMED_GAP:g} beyond its noise, and it is named. certain, named: the chance",
     "that it would be certain; that it would be certain or the simplest explanation.",
+)
+CURVES = (
+    "Sizes of a curve are amplitudes of its functions, as rms of the logarithm of light, the finest last.",
+    "It is one curve of many: another one may leave less to know of the others.",
 )
 
 
@@ -75,7 +81,7 @@ class Expected:
             "simplest": f"the simplest explanation; {how} would do as well",
             "perhaps": f"perhaps named; {how} comes near",
             "no": f"not named: {how} would do as well",
-            "not seen": f"not seen: {how} would do as well" if others else "not seen beside the others",
+            "not seen": f"not named: {how} would do as well" if others else "not seen beside the others",
         }[self.level]
 
 
@@ -110,13 +116,22 @@ class Together:
         told = [f"{join(names)} {words}" for words, names in parts if names]
         return f"With these {self.readings} readings {'; '.join(told)}."
 
+    @property
+    def about_curves(self) -> tuple[str, ...]:
+        """What a reader has to know of the curves that were asked about."""
+        curved = any(is_amplitude(path) for one in self.expected for path in one.values)
+        return CURVES if curved else ()
+
     def sizes(self, one: Expected) -> str:
-        """Parameters with units; functions of a curve that are equally large in one."""
+        """Parameters with units; of a long curve the first three amplitudes and the last."""
         told = []
-        for (_, value), paths in groupby(one.values.items(), lambda item: (field_of(item[0]), item[1])):
-            first, *others = [path for path, _ in paths]
-            what = f"{first} to .{1 + len(others)}" if others else first
-            told.append(in_unit(f"{what} = {value:.3g}", self.units.get(first, "1")))
+        for field, paths in groupby(one.values, field_of):
+            every = list(paths)
+            values = [f"{one.values[path]:.3g}" for path in every]
+            if len(every) > _LONG:
+                values[3:-1] = ["..."]
+            what = f"{every[0]} to {every[-1].removeprefix(field)}" if len(every) > 1 else every[0]
+            told.append(in_unit(f"{what} = {', '.join(values)}", self.units.get(every[0], "1")))
         return ", ".join(told)
 
     def rows(self) -> list[tuple[str, ...]]:
@@ -134,8 +149,8 @@ class Together:
         """For people, several lines."""
         lines = [self.sentence, ""]
         for row in (HEAD, *self.rows()):
-            lines.append("{:<20}{:>8}{:>10}{:>9}{:>8}  {}; {}".format(*row))
-        return "\n".join([*lines, "", *ABOUT, *(f"assumed: {a}" for a in self.assumed)])
+            lines.append("{:<20} {:>7} {:>9} {:>8} {:>7}  {}; {}".format(*row))
+        return "\n".join([*lines, "", *ABOUT, *self.about_curves, *(f"assumed: {a}" for a in self.assumed)])
 
     def as_data(self) -> dict[str, object]:
         """The same as plain data."""

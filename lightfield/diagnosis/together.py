@@ -41,15 +41,19 @@ from lightfield.diagnosis.search.preparation import whitened_test
 from lightfield.diagnosis.verdict.estimates import units_in
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
-from lightfield.fitting.curves import LARGEST, is_amplitude
+from lightfield.fitting.curves import FIELDS, field_of
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.parameter import FitParameter
 from lightfield.progress import step, tell
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 #: Size of an effect over its typical one, where none is asked about: the smallest that `hide` draws.
 _TIMES_TYPICAL = 2.0
+#: The same of a curve's first function: a tenth, as lamps depart from the Gaussian that is nearest to them
+#: (11 to 50 % rms of the readings in `benchmarks/field` and `benchmarks/many_effects`).
+_TIMES_OF_A_CURVE = 5.0
 #: Variance of a noncentral chi-square: 4 for its shift, squared, and 2 for each of its degrees of freedom
 #: (Patnaik 1949, Biometrika 36, 202, doi:10.1093/biomet/36.1-2.202).
 _OF_DISTANCE, _OF_EACH = 4.0, 2.0
@@ -74,8 +78,9 @@ def together(
         Effects of the table, or of the scene's own, and curves; "effect:form" for another form. A curve has
         as many functions as the layout tells of, where no form says less.
     sizes : mapping, optional
-        Values of scene parameters; twice the typical size where none is given, of a curve for each of its
-        functions, which make it darker towards its end.
+        Values of scene parameters; twice the typical size where none is given. Of a curve the amplitudes of
+        its functions, as rms of the logarithm of light: the k-th is 1/k of the first, and they make it darker
+        towards its end.
     diffuse : callable, optional
         Source of scattered and reflected light.
 
@@ -83,23 +88,14 @@ def together(
     ------
     UsageError
         An effect that is unknown, cannot act here or beside the others, or a size that is none of theirs or
-        drowns all light.
+        that no fit reaches.
     SceneError
         A size that no scene may have.
     """
-    of_scene = {path: size for path, size in (sizes or {}).items() if not is_amplitude(path)}
+    of_scene = {path: size for path, size in (sizes or {}).items() if field_of(path) not in FIELDS}
     scene.with_values(of_scene)  # refuses what no scene may have, as where an effect is hidden
     with threadpool_limits(1, "blas"):  # many small matrices, as in a diagnosis
-        try:
-            return _together(readings, scene, names, sizes or {}, diffuse)
-        except np.linalg.LinAlgError as error:
-            if not sizes:
-                raise
-            raise UsageError(
-                "nothing can be told apart at this size", where="size", found=dict(sizes),
-                rule="the light of the scene is still to be seen in the readings beside it",
-                remedy="a smaller size",
-            ) from error  # fmt: skip
+        return _together(readings, scene, names, sizes or {}, diffuse)
 
 
 def _together(
@@ -179,25 +175,37 @@ def _values(chosen: Explanation, sizes: Mapping[str, float]) -> dict[str, float]
     """Scene values of the effects."""
     out: dict[str, float] = {}
     for candidate in chosen:
-        # Curves lead down: functions of an angle rise without end, and a lamp brighter there fills the tank.
-        sign = -1.0 if candidate.effect.is_free_form else 1.0
-        for parameter, typical in zip(candidate.amplitudes, candidate.typical, strict=True):
-            size = min(_TIMES_TYPICAL * typical, 0.5 * (parameter.high - parameter.start))
-            out[parameter.path] = parameter.value(parameter.start + sign * size)
+        amplitudes = zip(candidate.amplitudes, candidate.typical, strict=True)
+        for k, (parameter, typical) in enumerate(amplitudes, 1):
+            # The finer, the less: a lamp is smooth. And down: functions of an angle rise without end, and a
+            # lamp that is brighter there fills the tank.
+            times = -_TIMES_OF_A_CURVE / k if candidate.effect.is_free_form else _TIMES_TYPICAL
+            most = 0.5 * (parameter.high - parameter.start)
+            size = float(np.clip(times * typical, -most, most))
+            out[parameter.path] = parameter.value(parameter.start + size)
         for parameter, at in zip(candidate.shapes, candidate.grid[0], strict=True):
             out[parameter.path] = parameter.value(at)
     if other := sorted(set(sizes) - set(out)):
+        whole = [path for path in out if path.rpartition(".")[0] in other]
         raise UsageError(
-            "a size of an effect that is not asked about",
+            "a size of an effect that is not asked about" if not whole else "a curve has a size per function",
             found=", ".join(other),
-            rule=f"one of {', '.join(out)}",
+            rule=f"one of {', '.join(whole or out)}",
         )
-    for path, size in sizes.items():
-        if is_amplitude(path) and not abs(size) <= LARGEST:
-            raise UsageError(
-                "no curve is as large", where=path, found=size, rule=f"at most {LARGEST:g} either way"
-            )
+    for parameter in (p for candidate in chosen for p in candidate.parameters):
+        if parameter.path in sizes:
+            _check(parameter, sizes[parameter.path])
     return {**out, **sizes}
+
+
+def _check(parameter: FitParameter, size: float) -> None:
+    """Refuse what a fit would not reach: the readings could not be those of the effects."""
+    is_number = isinstance(size, int | float) and np.isfinite(size)
+    if not is_number or not parameter.low <= parameter.coordinate_of(size) <= parameter.high:
+        ends = sorted(map(parameter.value, (parameter.low, parameter.high)))
+        widest = parameter.coordinate == "inverse-square"  # whose lower end stands for no limit
+        rule = f"at least {ends[1]:.3g}" if widest else f"{ends[0]:.3g} to {ends[1]:.3g}"
+        raise UsageError("a diagnosis seeks no such size", where=parameter.path, found=size, rule=rule)
 
 
 def _searched(

@@ -23,11 +23,8 @@ def chances_figure(made: Together, narrow: bool = False) -> Figure:
             y, shade = len(names) - k, _SHADES[one.level]
             axes.barh(y, max(one.named, one.certain), height=0.55, color=shade, alpha=0.35)
             axes.barh(y, one.certain, height=0.55, color=shade)
-            words = (
-                one.level
-                if one.level not in ("no", "perhaps")
-                else one.in_words([o.effect for o in made.expected])
-            )
+            known = one.level in ("certain", "simplest")
+            words = one.level if known else one.in_words([o.effect for o in made.expected])
             at = max(one.named, one.certain)
             inside = at > 0.5
             axes.annotate(
@@ -54,7 +51,7 @@ def together_page(made: Together) -> str:
         "chances", "All effects act at once; of each, the worst rival decides.",
         "Chance of every effect to be certain", chances_figure, made,
     )  # fmt: skip
-    table = Table(" ".join(ABOUT), HEAD[:-1], [row[:-1] for row in made.rows()], (5,))
+    table = Table(" ".join((*ABOUT, *made.about_curves)), HEAD[:-1], [row[:-1] for row in made.rows()], (5,))
     sizes = "; ".join(made.sizes(one) for one in made.expected)
     told = [f"Asked about: {sizes}."]
     if made.assumed:

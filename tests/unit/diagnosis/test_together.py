@@ -19,8 +19,8 @@ from lightfield.experiments.hide import Secret, hide
 from lightfield.experiments.measure import Instrument
 from lightfield.fitting.forward import SceneForward
 from lightfield.progress import heard_by
-from lightfield.readings import Readings, read_table
-from lightfield.readings.columns import LAYOUT, ErrorBudget
+from lightfield.readings import Readings
+from lightfield.readings.columns import ErrorBudget
 from lightfield.scene import Scene
 
 HWHM, ABSORPTION, ERROR = 4.0, 0.1, 0.005
@@ -81,7 +81,7 @@ def test_what_is_seen_and_what_is_not(made: Together) -> None:
 
 def test_sigma_of_a_curve_is_by_how_much_a_gaussian_lamp_is_worse(layout: Readings) -> None:
     (curve,) = together(layout, SCENE, ["beam_profile:4 functions"]).expected
-    assert curve.values == {f"lamp.profile_departure.{k}": -0.04 for k in (1, 2, 3, 4)}
+    assert curve.values == {f"lamp.profile_departure.{k}": pytest.approx(-0.1 / k) for k in (1, 2, 3, 4)}
     light = SceneForward(SCENE, planned(layout, SCENE)).predict(curve.values)
     start = np.array([1.0, HWHM, ABSORPTION])
 
@@ -100,7 +100,8 @@ def test_what_a_lamp_of_unknown_shape_takes_from_the_others(layout: Readings) ->
     curve, background = made.expected
     assert curve.level == background.level == alone.level == "certain"
     assert background.gap < alone.gap and background.certain < alone.certain
-    assert "lamp.profile_departure.1 to .4 = -0.04" in made.as_text()
+    assert "lamp.profile_departure.1 to .4 = -0.1, -0.05, -0.0333, -0.025" in made.as_text()
+    assert "one curve of many" in made.as_text()
 
 
 def test_a_curve_has_as_many_functions_as_the_layout_tells_of(layout: Readings) -> None:
@@ -110,8 +111,8 @@ def test_a_curve_has_as_many_functions_as_the_layout_tells_of(layout: Readings) 
 
 def test_a_wrong_question_is_refused(layout: Readings) -> None:
     for names, sizes, what in (
-        (["beam_profile"], {"lamp.profile_departure.1": 8.0}, "no curve is as large"),
-        (["beam_profile"], {"lamp.profile_departure.1": float("nan")}, "no curve is as large"),
+        (["beam_profile"], {"lamp.profile_departure.1": 8.0}, "seeks no such size.*-2.5 to 2.5"),
+        (["beam_profile"], {"lamp.profile_departure.1": float("nan")}, "seeks no such size.*-2.5 to 2.5"),
         (["beam_profile:2 functions"], {"lamp.profile_departure.3": 0.1}, "not asked about"),
         (["beam_profile", "beam_skirt"], {}, "not fitted together"),
         (["wall_reflection"], {}, "cannot act here"),
@@ -134,13 +135,23 @@ def test_a_size_that_no_scene_may_have_is_refused_as_where_an_effect_is_hidden(l
     assert str(planned.value) == str(hidden.value)
 
 
-def test_a_size_that_drowns_all_light_is_refused(tmp_path) -> None:
-    """Beside a billion times the light, its rounding leaves no covariance that has an inverse."""
-    rows = "".join(f"{x},{z}\n" for z in (3.0, 4.0, 5.0, 6.0, 7.0) for x in np.linspace(-0.5, 0.5, 21))
-    (tmp_path / "layout.csv").write_text(f"x_m,z_m\n{rows}")
-    without_errors = read_table(tmp_path / "layout.csv", SCENE, LAYOUT)
-    with pytest.raises(UsageError, match=r"nothing can be told apart at this size.*smaller size"):
-        together(without_errors, SCENE, ["background"], {"detector.background": 1e9})
+@pytest.mark.parametrize(
+    ("size", "allowed"),
+    [
+        ({"detector.background": 1e9}, "-0.5 to 0.5"),  # drowns all light
+        ({"lamp.offset_x_m": 1.9}, "-0.3 to 0.3"),
+        ({"lamp.profile_departure.2": "wide"}, "-2.5 to 2.5"),
+        ({"lamp.profile_departure": 0.1}, "one of lamp.profile_departure.1, lamp.profile_departure.2"),
+    ],
+)
+def test_a_size_that_no_fit_reaches_is_refused(
+    layout: Readings, size: dict[str, float], allowed: str
+) -> None:
+    """The set that hides it could not describe the readings that it makes."""
+    (path,) = size
+    names = ["background", "beam_offset", "beam_profile:2 functions"]
+    with pytest.raises(UsageError, match=f"{path}.*{allowed}"):
+        together(layout, SCENE, names, size)
 
 
 def test_it_says_what_it_does(layout: Readings) -> None:
