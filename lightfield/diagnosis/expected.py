@@ -139,8 +139,9 @@ class Together:
         whole = [one.effect for one in self.expected]
         return [
             (
-                one.effect, f"{one.sigma:.1f}", f"{one.gap:.1f}", f"{100 * one.certain:.0f} %",
-                f"{100 * one.named:.0f} %", one.in_words(whole), self.sizes(one),
+                one.effect, f"{one.sigma:.1f}", f"{round(one.gap, 1) + 0.0:.1f}",  # 0.0, not -0.0
+                f"{100 * one.certain:.0f} %", f"{100 * one.named:.0f} %",
+                one.in_words(whole), self.sizes(one),
             )
             for one in self.expected
         ]  # fmt: skip

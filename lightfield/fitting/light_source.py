@@ -180,9 +180,9 @@ def _optical(values: Mapping[str, float]) -> dict[str, float]:
 
 
 @lru_cache(maxsize=1024)
-def _optical_of(paths: tuple[str, ...]) -> list[str]:
-    """Those of some paths that make the light field."""
-    return sorted(path for path in paths if not is_gain(path) and field_of(path) not in _AFTERWARDS)
+def _optical_of(paths: tuple[str, ...]) -> tuple[str, ...]:
+    """Those of some paths that make the light field, in one order."""
+    return tuple(sorted(p for p in paths if not is_gain(p) and field_of(p) not in _AFTERWARDS))
 
 
 def _diffuse(values: Mapping[str, float]) -> dict[str, float]:

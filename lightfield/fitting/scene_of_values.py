@@ -77,5 +77,5 @@ def chosen(values: Mapping[str, float], paths: frozenset[str]) -> Chosen:
 
 
 @lru_cache(maxsize=1024)
-def _those(given: tuple[str, ...], paths: frozenset[str]) -> list[str]:
-    return sorted(path for path in given if field_of(path) in paths or path.startswith(OWN))
+def _those(given: tuple[str, ...], paths: frozenset[str]) -> tuple[str, ...]:
+    return tuple(sorted(path for path in given if field_of(path) in paths or path.startswith(OWN)))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 FOLDER_KEY = "folder"
 AnyPart = TypeVar("AnyPart", bound=BaseModel)
-_Inside = tuple[str, list[tuple[str, str]]]
+_Inside = tuple[str, tuple[tuple[str, str], ...]]
 
 
 class Part(BaseModel):
@@ -234,7 +234,7 @@ def with_fields(part: AnyPart, values: Mapping[str, Any]) -> AnyPart:
 
 
 @lru_cache(maxsize=4096)
-def _by_part(model: type[BaseModel], paths: tuple[str, ...]) -> tuple[list[str], list[_Inside]]:
+def _by_part(model: type[BaseModel], paths: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[_Inside, ...]]:
     """Names of own fields among some paths; and names of parts, each with the rest of its paths and these."""
     own, inside = list[str](), dict[str, list[tuple[str, str]]]()
     for path in paths:
@@ -245,7 +245,7 @@ def _by_part(model: type[BaseModel], paths: tuple[str, ...]) -> tuple[list[str],
             inside.setdefault(name, []).append((rest, path))
         else:
             own.append(name)
-    return own, list(inside.items())
+    return tuple(own), tuple((name, tuple(its)) for name, its in inside.items())
 
 
 def drop_later(part: BaseModel, data: dict[str, Any]) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from sweeping import BUDGET, SCENE, differences
+from sweeping import BUDGET, differences
 
 from lightfield.cli import main
 from lightfield.errors import OutputError
@@ -27,13 +27,6 @@ from lightfield.sweep.work import _read, _save
 
 VARY = ("--vary", "lamp.hwhm_deg=3,4", "--vary", "water.scattering_per_m=0:0.3:3",
         "--vary", "water.absorption_per_m=0.05,0.1")  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("scene") / "scene.toml"
-    file.write_text(SCENE)
-    return file
 
 
 @pytest.fixture(scope="module")

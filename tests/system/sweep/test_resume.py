@@ -66,13 +66,6 @@ def said(errors: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    file = tmp_path_factory.mktemp("scene") / "scene.toml"
-    file.write_text(SCENE)
-    return file
-
-
-@pytest.fixture(scope="module")
 def uninterrupted(scene: Path) -> Path:
     """A sweep that ran through, in one process."""
     store = scene.parent / "uninterrupted.zarr"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import optimize
 
+import lightfield
 from lightfield import cli
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.expected import Together
@@ -122,6 +123,8 @@ def test_a_wrong_question_is_refused(layout: Readings) -> None:
     ):
         with pytest.raises(UsageError, match=what):
             together(layout, SCENE, names, sizes)
+    with pytest.raises(UsageError, match="no effect is named"):
+        lightfield.plan(layout, SCENE, effects=[])
 
 
 @pytest.mark.parametrize("size", [float("nan"), float("inf"), -1e10])
