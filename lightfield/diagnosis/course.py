@@ -17,7 +17,8 @@ from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.cascade import Finding, search
 from lightfield.diagnosis.search.many import beyond_two, is_overtaken, levelled
-from lightfield.diagnosis.search.pool.any_number import Data
+from lightfield.diagnosis.search.pool.any_number import Data, Ends, never
+from lightfield.diagnosis.search.pool.first_sight import leaves, misses_by_far
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.small_sets import Fitted
@@ -42,6 +43,9 @@ from lightfield.scene import Scene
 #: part of it that they leave then. Chosen: by chance one set of 60 readings in 300 scatters so much; where
 #: errors are stated half as large as they are all is left.
 _TOO_SMALL, _MENDS = 1.5, 0.6
+#: The part that the first sets of a search have to come down to for it to go on. Chosen: the noise is judged
+#: again after them, which takes little more.
+_PROMISES = 0.8
 #: Where no one or two effects will do, known ones are so many at least.
 _FEWEST = 3
 
@@ -190,7 +194,7 @@ def _with_more_effects(inquiry: Inquiry, known: Knowledge, progress: Progress) -
         early = _settled(inquiry, known, progress)
         if early.finding.accepted:
             return replace(early, data=early.data_in_its_light, is_settled=True)
-    more = _beyond_two(inquiry, known, known.prepared, progress, thorough=False)
+    more = _beyond_two(inquiry, known, known.prepared, progress, misses_by_far(known.data.budget.tolerance))
     if more.finding.accepted or more.finding.many is None:
         return more
     beside = _beside_unknowns(inquiry, more, progress)
@@ -211,7 +215,8 @@ def _beside_unknowns(inquiry: Inquiry, known: Knowledge, progress: Progress) -> 
     data = replace(known.data, problem=replace(problem, candidates=(*problem.candidates, *unknown)))
     base = known.finding.level.base
     prepared = replace(known.prepared, problem=data.problem, explanation=(), reference=base)
-    found = _beyond_two(inquiry, replace(known, data=data), prepared, progress, thorough=False)
+    ends = misses_by_far(data.budget.tolerance)
+    found = _beyond_two(inquiry, replace(known, data=data), prepared, progress, ends)
     names, best = tuple(dict.fromkeys(c.name for c in unknown)), found.finding.best
     if best is None or set(names).isdisjoint(best.names) or _doubt(inquiry, found) is not None:
         return None
@@ -238,20 +243,22 @@ def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress)
     scale = variance_scale(known.prepared, known.finding)
     if scale < _TOO_SMALL:
         return known
-    more = _beyond_two(inquiry, known, known.prepared, progress)
+    more = _beyond_two(inquiry, known, known.prepared, progress, leaves(_PROMISES))
     many = more.finding.many
-    if many is None or variance_scale(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
+    if many is None or many.at_first_sight:
+        return known
+    if variance_scale(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
         return known
     return more if more.finding.accepted else _beside_unknowns(inquiry, more, progress) or more
 
 
 def _beyond_two(
-    inquiry: Inquiry, known: Knowledge, prepared: Prepared, progress: Progress, thorough: bool = True
+    inquiry: Inquiry, known: Knowledge, prepared: Prepared, progress: Progress, ends: Ends = never
 ) -> Knowledge:
     alpha, seed = inquiry.alpha, inquiry.seed
     if says_nothing(prepared, known.finding):
         return known.now(prepared, known.finding)
-    return known.now(*beyond_two(known.data, prepared, known.finding, alpha, seed, progress, thorough))
+    return known.now(*beyond_two(known.data, prepared, known.finding, alpha, seed, progress, ends))
 
 
 def _settled(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:

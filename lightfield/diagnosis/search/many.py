@@ -12,7 +12,7 @@ from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
-from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
+from lightfield.diagnosis.search.pool.any_number import Data, Ends, Many, never, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -34,7 +34,7 @@ def beyond_two(
     alpha: float,
     seed: int,
     progress: Progress,
-    thorough: bool = True,
+    ends: Ends = never,
 ) -> tuple[Prepared, Finding]:
     """What any number of effects explain, and noise and outliers as judged about them.
 
@@ -44,10 +44,10 @@ def beyond_two(
         That no one or two effects explain the readings, or none that is believed.
     seed : int
         Of the bootstrap.
-    thorough : bool
-        Go on where the first sets miss the readings by far; of many readings always.
+    ends : callable
+        Does the search end with its first sets? Of many readings it is not asked.
     """
-    many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress, thorough)
+    many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress, ends)
     bench, base = many.bench, many.base.fit
     level = Level(many.tolerance, bench, base, bench.test(base))
     best = Tried(many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test)

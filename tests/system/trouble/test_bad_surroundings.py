@@ -64,7 +64,7 @@ def test_rights_are_respected(made, tmp_path):
     one_clear_line(done.stderr, [str(locked), "Permission denied"])
 
 
-@pytest.mark.parametrize("limit", [200, 20_000])
+@pytest.mark.parametrize("limit", [pytest.param(200, marks=pytest.mark.slow), 20_000])
 def test_a_disk_that_fills_up_leaves_nothing_half_written(made, tmp_path, limit):
     """A limit on the size of files, met at the first bytes and in the middle, stands in for the full disk."""
     arguments = ("render", "scene.toml", "-o", str(tmp_path / "out"), "--max-photons", "1e4", "--no-figures")

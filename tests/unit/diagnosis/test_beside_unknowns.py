@@ -79,6 +79,7 @@ def test_the_ladder_falls_to_the_noise(found: Diagnosis) -> None:
     assert sum(rung.removed_percent or 0 for rung in ladder) == pytest.approx(100, abs=1)
 
 
+@pytest.mark.slow
 def test_rings_of_the_receiver_are_not_those_of_a_tilted_lamp() -> None:
     """Interference in its window, 5 % with a period of 1.6 degrees of the angle of arrival."""
 

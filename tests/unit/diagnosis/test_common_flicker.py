@@ -48,7 +48,7 @@ def readings(seed: int, stated: bool = True) -> Readings:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_what_all_bands_share_is_no_effect(seed: int) -> None:
     verdict = diagnose(readings(seed), scene(), diffuse=None).verdict
     assert verdict.verdict == "none" and verdict.serial_correlation < 0.35

@@ -3,7 +3,7 @@ each effect, and how sure each effect is."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,9 +38,6 @@ _SEED = 6000
 #: Sets are compared in light traced within so many errors of where the best lies, for the tolerance too after
 #: so many rounds at most. Chosen: in light of other water they hold effects that describe what it has wrong.
 _NEAR, _ROUNDS_WITHIN = 1.0, 3
-#: Chi-square over that of the noise from which on a set misses the readings by far. Chosen: what lacks one of
-#: several effects leaves more.
-_FAR = 2.0
 #: Traces until one set stays where it was traced, at most; most take one or two.
 _TRACES = 4
 
@@ -60,7 +57,7 @@ class Many:
     sought : bool
         It was sought here; else it was found before, and only its rivals were.
     at_first_sight : bool
-        The first sets miss the readings by far, and others were not sought.
+        The search ended with its first sets.
     """
 
     prepared: Prepared
@@ -112,6 +109,15 @@ class Data:
         return replace(self, problem=every.sample[1], whole=every)
 
 
+#: Does a search end with its first sets? Told the noise, their pool, what was known before, and the best.
+Ends = Callable[[Prepared, Pool, Node, Node], bool]
+
+
+def never(*_: object) -> bool:
+    """Not with its first sets."""
+    return False
+
+
 def direct(candidate: Candidate) -> bool:
     """Is it a named effect that acts on direct light alone?"""
     return named(candidate) and not candidate.effect.diffuse
@@ -122,7 +128,7 @@ def everything(candidate: Candidate) -> bool:
     return True
 
 
-def _ground(
+def ground_about(
     prepared: Prepared, tolerance: float, rng: np.random.Generator, found: Node
 ) -> tuple[Bench, Ground]:
     """Whitening, and the scale of the noise beside the best set, which was fitted under another one."""
@@ -195,7 +201,7 @@ def search_many(
     alpha: float,
     rng: np.random.Generator,
     progress: Progress,
-    thorough: bool = True,
+    ends: Ends = never,
 ) -> Many:
     """The best set, and how sure its effects are.
 
@@ -206,19 +212,20 @@ def search_many(
     ----------
     begun : Prepared
         Noise to begin with, and what describes the readings best so far.
-    thorough : bool
-        Go on where the first sets miss the readings by far; of many readings always.
+    ends : callable
+        Of many readings it is not asked.
     """
     if data.problem.sample is not None:
         return _of_sample(data, begun, alpha, rng, progress)
     found = Node(begun.explanation, begun.reference)
     data, found = _followed(data, found, Whitener(begun.noise), begun.problem.keep, _SEED)
+    known = found.key
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
-    made, ground = _ground(prepared, 0.0, rng, found)
+    made, ground = ground_about(prepared, 0.0, rng, found)
     pool = _pool(ground, found, progress)
     _first(pool)
     found = pool.best()
-    if not thorough and _is_far(prepared, data.budget.tolerance, found):
+    if ends(prepared, pool, pool.nodes[known], found):
         base, adequacy = pool.nodes[frozenset()], made.test(found.fit)
         return Many(prepared, made, 0.0, pool, found, base, adequacy, False, (), at_first_sight=True)
     for k in range(_ROUNDS):
@@ -226,7 +233,7 @@ def search_many(
         seed = _SEED + (1 + k) * _TRACES
         data, found = _followed(data, found, made.whiten, prepared.problem.keep, seed)
         prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
-        made, ground = _ground(prepared, 0.0, rng, found)
+        made, ground = ground_about(prepared, 0.0, rng, found)
         pool = _pool(ground, found, progress)
         found = beside_fresh_fits(pool, _again(pool), everything)
         if found.key != before.key or _is_elsewhere(data, found, before):
@@ -243,7 +250,7 @@ def search_many(
         tolerance = data.budget.tolerance
         for k in range(_ROUNDS_WITHIN):
             before = found
-            made, ground = _ground(prepared, tolerance, rng, found)
+            made, ground = ground_about(prepared, tolerance, rng, found)
             pool = _pool(ground, found, progress)
             found, adequacy = _tested(pool, made, _again(pool), alpha)
             if not _is_elsewhere(data, found, before):
@@ -283,7 +290,7 @@ def _of_sample(
     fit = data.problem.fit(best.explanation, whole, [best.fit.u])
     prepared = prepare_about(data.problem, data.quoted, data.budget, best.explanation, fit)
     node = Node(best.explanation, fit)
-    made, ground = _ground(prepared, found.tolerance, rng, node)
+    made, ground = ground_about(prepared, found.tolerance, rng, node)
     pool = _pool(ground, node, progress)
     node = pool.nodes[best.key]
     adequacy = made.test(node.fit)
@@ -343,11 +350,3 @@ def _tested(pool: Pool, made: Bench, found: Node, alpha: float) -> tuple[Node, A
             found = pool.best()
             adequacy = made.test(found.fit)
     return found, adequacy
-
-
-def _is_far(prepared: Prepared, tolerance: float, found: Node) -> bool:
-    """Does a set miss the readings by far more than their noise and the tolerance?"""
-    made, ground = _ground(prepared, tolerance, np.random.default_rng(0), found)
-    problem = prepared.problem
-    residual = made.whiten(problem.keep * (problem.value - found.fit.prediction))
-    return float(residual @ residual) > _FAR * ground.phi * (problem.keep.sum() - len(found.fit.u))

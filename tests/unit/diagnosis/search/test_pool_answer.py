@@ -92,7 +92,9 @@ def test_two_that_pass_in_too_large_errors_are_no_answer_where_more_mend_them(
     monkeypatch: pytest.MonkeyPatch, left: float, more_is_it: bool
 ) -> None:
     """Ten times the stated variance, and what is left of it beside a set that does not explain it all."""
-    finding = SimpleNamespace(many=SimpleNamespace(adequacy="about the set"), accepted=[])
+    finding = SimpleNamespace(
+        many=SimpleNamespace(adequacy="about the set", at_first_sight=False), accepted=[]
+    )
     known, more = (SimpleNamespace(prepared=None, finding=f) for f in (SimpleNamespace(many=None), finding))
     scale = {None: 10.0, "about the set": left}
     monkeypatch.setattr(course, "variance_scale", lambda prepared, finding, about=None: scale[about])

@@ -42,7 +42,7 @@ def verdict_of(seed: int) -> Verdict:
     return diagnose(read(seed), Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_water_that_clears_by_a_quarter_in_an_hour_is_found(seed: int) -> None:
     """Were no more than a tenth held plausible, a drift of the lamp would make up for the rest."""
     verdict = verdict_of(seed)

@@ -33,7 +33,7 @@ def very_lopsided(seed: int) -> Readings:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.slow)])
 def test_errors_are_judged_about_what_explains_the_readings(seed: int) -> None:
     """Beside the base model alone the scatter of its misfit once passed for that of the readings."""
     verdict = diagnose(very_lopsided(seed), Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
