@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, checked, scene_of
+from lightfield.api.given import AnyPath, by_name, checked, scene_of
 from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower import survey
 from lightfield.studies.follower.array_light import Space
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrays", "Survey", "compare", "optimise", "show"]
 
-PHOTONS, HALF_WIDTH_M = 1e7, 0.4
+PHOTONS, HALF_WIDTH_M = FIELD_PHOTONS, 0.4
 Medium = Literal["water", "air"]
 
 
@@ -189,6 +190,12 @@ def compare(
         raise UsageError("nothing to compare with", where="with_", rule='{"flat": "flat.toml"} and the like')
     known, where = asked(scene, half_width, medium, max_photons, seed, trace)
     others = {name: scene_of(other) for name, other in with_.items()}
+    by_name(
+        [
+            ("scene", known.name or "this array", known),
+            *(("with_", name, other) for name, other in others.items()),
+        ]
+    )
     return Arrays(compared.compare_arrays(known, others, task=task, **where))
 
 

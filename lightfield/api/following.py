@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lightfield.api.array import PHOTONS
-from lightfield.api.given import AnyPath, checked, named, scene_of
+from lightfield.api.given import AnyPath, by_name, checked, named, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import ToldByDetails
 from lightfield.arrays import finite
@@ -103,22 +103,21 @@ def follow(
     Raises
     ------
     UsageError
-        A belief that does not exist, or no run.
+        A belief that does not exist, no run, or two scenes of one name.
     SceneError, RenderError
         No array; a follower or a way that is not in the water.
     """
-    if runs < 1:
-        raise UsageError("impossible number", where="runs", found=runs, rule="at least 1")
     believe = named(believe)
     unknown = [word for word in believe if word not in study.BELIEFS]
     if unknown:
         rule = ", ".join(study.BELIEFS)
         raise UsageError("no such belief", where="believe", found=unknown[0], rule=rule)
-    scenes: dict[str, Scene] = {}
-    for number, given in enumerate([scene, *with_], 1):
-        one = study.with_belief(scene_of(given), "")
-        if duration is not None:
-            one = one.with_values({"follower.mission.duration_s": duration})
-        scenes[one.name or f"scene {number}"] = one
+    every = [study.with_belief(scene_of(one), "") for one in (scene, *with_)]
+    if duration is not None:
+        every = [one.with_values({"follower.mission.duration_s": duration}) for one in every]
+    scenes = by_name(
+        ("with_" if number > 1 else "scene", one.name or f"scene {number}", one)
+        for number, one in enumerate(every, 1)
+    )
     photons = max_photons if trace else 0.0
     return Following(study.follow(scenes, believe, runs=runs, seed=seed, photons=photons))

@@ -33,10 +33,13 @@ _RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
     "seed": (SEED.rule, SEED.holds),
     "max_photons": (PHOTONS.rule, PHOTONS.holds),
     "rel_error": (REL_ERROR.rule, REL_ERROR.holds),
-    "alpha": ("between 0 and 1", lambda value: 0 < value < 1),
+    "alpha": ("0.0005 to 0.5", lambda value: 0.0005 <= value <= 0.5),
     "half_width": ("above 0 m", lambda value: value > 0),
-    "box": ("above 0 m", lambda value: value > 0),
-    "tilt_max": ("0 to 90 degrees", lambda value: 0 <= value <= 90),
+    "elements": ("2 to 200", lambda value: 2 <= value <= 200),
+    "box": ("0.01 to 10 m", lambda value: 0.01 <= value <= 10),
+    "tilt_max": ("0 to 80 degrees", lambda value: 0 <= value <= 80),
+    "spacing": ("0 to 10 m", lambda value: 0 <= value <= 10),
+    "runs": ("1 to 200", lambda value: 1 <= value <= 200),
 }
 
 
@@ -146,6 +149,30 @@ def _listed(value: object) -> list[object]:
 def scene_of(scene: Scene | AnyPath, effects_file: AnyPath | None = None) -> Scene:
     """A scene, read from its file where one is named, with the effects of another file beside its own."""
     return with_effects(scene if isinstance(scene, Scene) else Scene.load(scene), effects_file)
+
+
+def by_name(given: Iterable[tuple[str, str, Scene]]) -> dict[str, Scene]:
+    """Scenes by what they are called.
+
+    Parameters
+    ----------
+    given : iterable of (str, str, Scene)
+        Where each was given, what it is called, and the scene.
+
+    Raises
+    ------
+    UsageError
+        Two of one name.
+    """
+    found: dict[str, Scene] = {}
+    for where, name, scene in given:
+        if name in found:
+            raise UsageError(
+                "two scenes of one name", where=where, found=name,
+                rule="every scene has a name of its own", remedy="change the name in one of them",
+            )  # fmt: skip
+        found[name] = scene
+    return found
 
 
 def named(names: str | Sequence[str]) -> list[str]:

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from lightfield.api.given import AnyPath, diffuse_source, readings_of, scene_of
+from lightfield.api.given import AnyPath, checked, diffuse_source, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import OverAxes
 from lightfield.readings import Readings
+from lightfield.render.limits import AXIS_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.working_range import study as ranging
 from lightfield.studies.working_range import text as range_text
@@ -65,6 +66,7 @@ class Range(OverAxes[ranging.WorkingRange]):
         return range_page(self.details)
 
 
+@checked
 @told_in_notebook("range")
 def range(
     scene: Scene | AnyPath,
@@ -77,7 +79,7 @@ def range(
     array: int | None = None,
     array_side: float | None = None,
     array_radius: float | None = None,
-    max_photons: float = ranging.PHOTONS,
+    max_photons: float = AXIS_PHOTONS,
     trace: bool = True,
 ) -> Range:
     """How far the lamp can be used, and how wide its spot is.

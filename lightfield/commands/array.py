@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from lightfield.api.given import by_name
 from lightfield.commands.shared.answer import answered, outputs_of
 from lightfield.commands.shared.follower import add_space, space_asked
 from lightfield.commands.shared.options import add_answer, given
@@ -12,9 +13,6 @@ from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
-
-#: Name of the array that `optimise` finds.
-BEST = "the best found"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -79,16 +77,8 @@ def _show(scene: Scene, args: argparse.Namespace) -> int:
 def _compare(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.api.array import compare
 
-    others: dict[str, Scene] = {}
-    for path in args.others:
-        other = Scene.load(path)
-        name = other.name or path.stem
-        if name in {scene.name, *others}:
-            raise UsageError(
-                "two arrays of one name", where=str(path), found=name,
-                rule="every scene has a name of its own", remedy="change the name in one of them",
-            )  # fmt: skip
-        others[name] = other
+    loaded = [(path, Scene.load(path)) for path in args.others]
+    others = by_name((str(path), other.name or path.stem, other) for path, other in loaded)
     with progress_of("array"):
         answer = compare(scene, others, task=args.task, **space_asked(args))
     return answered(args, answer)
@@ -96,6 +86,7 @@ def _compare(scene: Scene, args: argparse.Namespace) -> int:
 
 def _optimise(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.api.array import optimise
+    from lightfield.studies.follower.design.exchange import BEST
 
     for name, value, low, high in (
         ("--elements", args.elements, 2, 200),

@@ -75,7 +75,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     from lightfield.fitting.fitted_curves import LAMP_TABLE, SPECTRUM_TABLE
 
     if args.output:
-        inputs = [file for file in (args.data, args.scene, args.effects_file) if file]
+        inputs = [file for file in (args.data, args.scene, args.effects_file, *scene.tables) if file]
         rungs = (f"rung{k}.toml" for k in range(MOST_RUNGS))
         for name in (VERDICT, CURVES, LAMP_TABLE, SPECTRUM_TABLE, *rungs):
             output_file(args.output / name, *inputs)
@@ -103,6 +103,8 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
         command = f"diagnose {args.data.name} --scene {args.scene.name}"
         found = found.save(args.output, command, args.effects_file)
     print(found.as_text())
+    if found.older:
+        print(f"of earlier runs, not touched: {', '.join(found.older)}")
     if args.output and found.verdict.verdict == "unexplained":
         print(f"hypotheses to begin with, for --effects-file: {args.output / HYPOTHESES}")
     if args.json:

@@ -8,6 +8,7 @@ from pathlib import Path
 from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_option
 from lightfield.commands.shared.progress import progress_of
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
 
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     export.add_argument(
         "--step", type=float, default=0.1, metavar="M", help="across the beam (default 0.1 m)"
     )
-    for option in (("--max-photons", 1e7), ("--seed", 0)):
+    for option in (("--max-photons", FIELD_PHOTONS), ("--seed", 0)):
         add_option(export, *option)
     add_option(export, "--no-trace")
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.api.given import named
+from lightfield.api.given import by_name, named
 from lightfield.commands.shared.answer import outputs_of, show_answer, show_page, write_json
-from lightfield.commands.shared.follower import PHOTONS, photons_of
+from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_answer, add_option
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path, output_folder
 from lightfield.sweep.axes import FORMS, parse_axis
@@ -45,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="STORE.zarr", help="store of the runs over what varies"
     )
     add_option(parser, "--workers", "this one")
-    add_option(parser, "--max-photons", PHOTONS)
+    add_option(parser, "--max-photons", FIELD_PHOTONS)
     add_option(parser, "--seed", 0)
     add_option(parser, "--no-trace")
 
@@ -55,18 +56,11 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.api.following import Following
     from lightfield.studies.following.study import BELIEFS, follow, with_belief
 
-    scenes: dict[str, Scene] = {}
-    for path in [args.scene, *args.others]:
-        scene = with_belief(Scene.load(path), "")
-        if args.duration is not None:
-            scene = scene.with_values({"follower.mission.duration_s": args.duration})
-        name = scene.name or path.stem
-        if name in scenes:
-            raise UsageError(
-                "two scenes of one name", where=str(path), found=name,
-                rule="every scene has a name of its own", remedy="change the name in one of them",
-            )  # fmt: skip
-        scenes[name] = scene
+    paths = [args.scene, *args.others]
+    every = [with_belief(Scene.load(path), "") for path in paths]
+    if args.duration is not None:
+        every = [one.with_values({"follower.mission.duration_s": args.duration}) for one in every]
+    scenes = by_name((str(path), one.name or path.stem, one) for path, one in zip(paths, every, strict=True))
     outputs_of(args, args.scene, *args.others, also=args.track)
     if not 1 <= args.runs <= MOST_RUNS:
         raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")

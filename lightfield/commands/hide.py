@@ -85,7 +85,8 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
     from lightfield.experiments.hide import WRITTEN, replaced_in
 
     for name in WRITTEN:
-        output_file(args.output / name, args.scene, *([args.effects_file] if args.effects_file else []))
+        inputs = [args.scene, *scene.tables, *([args.effects_file] if args.effects_file else [])]
+        output_file(args.output / name, *inputs)
     replaced = replaced_in(args.output)
     with progress_of("hide"):
         made = hide(

@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Ask on a terminal for what was not given, write both files, say what comes next."""
+    """Ask on a terminal where nothing was given, write the three files, say what comes next."""
     answers = {q.name: value for q in QUESTIONS if (value := getattr(args, q.name)) is not None}
     asking = not answers and sys.stdin.isatty()
     name = args.output.resolve().name

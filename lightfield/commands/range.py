@@ -10,6 +10,7 @@ from lightfield.commands.shared.options import add_answer, add_option, given
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.readings import read_table
+from lightfield.render.limits import AXIS_PHOTONS
 from lightfield.scene import Scene
 
 #: Receivers on a side of an array at most, as many as a scene may have.
@@ -38,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--array-side", type=float, metavar="M", help="side of the array, m")
     parser.add_argument("--array-radius", type=float, metavar="M", help="of its curvature, m; 0: flat")
-    add_option(parser, "--max-photons", 2e6)
+    add_option(parser, "--max-photons", AXIS_PHOTONS)
     add_option(parser, "--no-trace")
     add_answer(parser)
 

@@ -74,4 +74,4 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
         save_png(regime_figure(dataset), folder / "regime.png"),
     ):
         print(path)
-    return 0
+    return 1 if done.failed else 0

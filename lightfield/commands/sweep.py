@@ -153,6 +153,8 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
     ]
     if done.failed:
         lines.append(f"{done.failed} cases failed: `message` in the store says why")
+    if done.again:
+        lines.append(f"{done.again} of them may do with more memory: the same sweep continues")
     if done.repaired:
         shown = ", ".join(done.repaired[:3]) + (", ..." if len(done.repaired) > 3 else "")
         lines.append(f"{len(done.repaired)} damaged files were made good: {shown}")

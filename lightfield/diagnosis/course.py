@@ -16,9 +16,8 @@ from lightfield.diagnosis.problem.setup import budget_of, problem_of
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.cascade import Finding, search
-from lightfield.diagnosis.search.many import beyond_two, is_overtaken, levelled
+from lightfield.diagnosis.search.many import beyond_two, is_overtaken, leaves, levelled, misses_by_far
 from lightfield.diagnosis.search.pool.any_number import Data, Ends, never
-from lightfield.diagnosis.search.pool.first_sight import leaves, misses_by_far
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.small_sets import Fitted

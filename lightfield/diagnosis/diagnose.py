@@ -31,7 +31,13 @@ from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.effects import Effect
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.fitting.effects.local import as_file, local_unknowns
-from lightfield.fitting.fitted_curves import fitted_curves, save_lamp, save_spectrum
+from lightfield.fitting.fitted_curves import (
+    LAMP_TABLE,
+    SPECTRUM_TABLE,
+    fitted_curves,
+    save_lamp,
+    save_spectrum,
+)
 from lightfield.fitting.forward import SceneForward
 from lightfield.memory import give_back
 from lightfield.readings import Readings
@@ -45,6 +51,8 @@ HYPOTHESES = "hypotheses.toml"
 VERDICT = "verdict.json"
 #: Fitted curves with their errors.
 CURVES = "curves.json"
+#: What a diagnosis leaves in a folder, beside its verdict.
+_NAMES = ("rung*.toml", CURVES, HYPOTHESES, LAMP_TABLE, SPECTRUM_TABLE)
 #: Photons of the fresh render that ends a ladder, and at most where its error is more than a part of the
 #: readings': it could not object. Readings that mirror each other share them.
 FRESH_PHOTONS, MOST_FRESH_PHOTONS, _PRECISE = 1.5e6, 1.2e7, 0.5
@@ -65,10 +73,13 @@ class Diagnosis:
         Plain data, as written to JSON.
     found : Found
         What the data were made of.
+    older : tuple of str
+        Files of earlier runs in the folder in which it was saved, that are none of its own.
     """
 
     verdict: Verdict
     found: compose.Found
+    older: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Diagnosis of {self.verdict.readings} readings: {self.verdict.headline}>"
@@ -194,16 +205,17 @@ class Diagnosis:
         Returns
         -------
         Diagnosis
-            The same, with its number in the ledger.
+            The same, with its number in the ledger, and `older`.
         """
         target = Path(folder)
-        rows = []
+        rows, before = [], {file.name for name in _NAMES for file in target.glob(name)}
         known = ledger.readings_hash(self.readings)
         number = ledger.runs(target, known) + 1
         verdict = self.verdict.model_copy(update={"run": number})
         for k, (rung, step) in enumerate(zip(verdict.ladder, self.steps, strict=True)):
             name = f"rung{k}.toml"
             self.forward.scenes.at(step.fit.values).save(target / name)
+            before.discard(name)
             rows.append(
                 rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})
                 | {"scene": name}
@@ -211,22 +223,26 @@ class Diagnosis:
         last = self.steps[-1].fit
         step, whiten = self.steps[-1], self.finding.whiten
         beam = self.prepared.problem.with_largest_form(BEAM_PROFILE, step.explanation, last, whiten)
-        save_lamp(self.forward, beam, target, self.finding.level.phi)
-        save_spectrum(self.forward, last, target)
+        lamp = save_lamp(self.forward, beam, target, self.finding.level.phi)
+        spectrum = save_spectrum(self.forward, last, target)
+        before -= {table.name for table in (lamp, spectrum) if table}
         if curves := fitted_curves(self.forward, last, self.finding.level.phi):
             with atomic_path(target / CURVES) as temporary:
                 data = [curve.as_data() for curve in curves]
                 temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+            before.discard(CURVES)
         read = effects_file is not None and Path(effects_file).resolve() == (target / HYPOTHESES).resolve()
         if verdict.verdict == "unexplained" and not read:
             with atomic_path(target / HYPOTHESES) as temporary:
                 temporary.write_text(
                     as_file(ranked(local_unknowns(self.readings), verdict.left_over)), encoding="utf-8"
                 )
+        if verdict.verdict == "unexplained" or read:
+            before.discard(HYPOTHESES)
         with atomic_path(target / VERDICT) as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
         ledger.add_rungs(target, rows, command, known)
-        return replace(self, verdict=verdict)
+        return replace(self, verdict=verdict, older=tuple(sorted(before)))
 
 
 def diagnose(

@@ -35,8 +35,9 @@ WINDOW_M, WINDOW_PART = 0.02, 0.005
 TABLE = "table"
 #: Files of a riddle; the last tells that the others are one.
 WRITTEN = ("scene.toml", "data.csv", "truth.json")
-#: Where a scene says that its lamp is that of a table.
+#: What shows only beside walls, or a surface, that reflect.
 _FLOOR, _WAVES = "tank.floor_over_walls", "tank.surface_slope_deg"
+#: Where a scene says that its lamp is that of a table.
 _PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
 

@@ -30,6 +30,7 @@ from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.lamp.tabulated import save_intensity, save_power
 from lightfield.scene.water.layers import layers_absorption_per_m
+from lightfield.storage.files import output_file
 
 #: Places at which a curve is drawn. Chosen: twice its nodes.
 PLACES = 121
@@ -188,7 +189,7 @@ def save_lamp(
     Raises
     ------
     OutputError
-        The file cannot be written.
+        The file cannot be written, or the scene reads it.
     """
     curves = forward.scenes.curves
     if PROFILE not in {field_of(p) for p in fit.paths}:
@@ -200,9 +201,8 @@ def save_lamp(
     def errors(at_deg: Array) -> Array:
         return _lamp_errors(forward, fit, scale, at_deg, read_deg)
 
-    return save_intensity(
-        forward.scenes.at(fit.values).lamp, to_deg, Path(folder) / LAMP_TABLE, remark, errors
-    )
+    path = output_file(Path(folder) / LAMP_TABLE, *forward.scenes.scene.tables)
+    return save_intensity(forward.scenes.at(fit.values).lamp, to_deg, path, remark, errors)
 
 
 def save_spectrum(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str]) -> Path | None:
@@ -216,11 +216,12 @@ def save_spectrum(forward: SceneForward, fit: Fit, folder: str | os.PathLike[str
     Raises
     ------
     OutputError
-        The file cannot be written.
+        The file cannot be written, or the scene reads it.
     """
     curves = forward.scenes.curves
     if SPECTRUM not in {field_of(p) for p in fit.paths}:
         return None
     place = curves.bases[SPECTRUM].place
     remark = f"fitted to readings from {place[0]:g} to {place[-1]:g} nm; beyond them it is a guess"
-    return save_power(forward.scenes.at(fit.values).lamp, Path(folder) / SPECTRUM_TABLE, remark)
+    path = output_file(Path(folder) / SPECTRUM_TABLE, *forward.scenes.scene.tables)
+    return save_power(forward.scenes.at(fit.values).lamp, path, remark)

@@ -33,7 +33,8 @@ class Spot:
     peak : float, unit of the map: maximum of the smooth spot
     centre_x_m, centre_y_m : float, m
     hwhm_x_m, hwhm_y_m : float, m: half width at half maximum of the fitted ellipse along x and along y
-    stderr : dict of the five above and `ellipticity` to their standard errors; empty without an error map
+    stderr : dict of the five above, `ellipticity` and `hwhm_m` to their standard errors; empty without an
+        error map
     """
 
     peak: float
@@ -51,7 +52,7 @@ class Spot:
 
     @property
     def hwhm_m(self) -> float:
-        """Half width at half maximum of the circle of equal area, m."""
+        """Half width at half maximum, m: geometric mean of those along x and along y."""
         return float(np.sqrt(self.hwhm_x_m * self.hwhm_y_m))
 
 
@@ -80,8 +81,8 @@ def spot_shape(value: Array, x_m: Array, y_m: Array, stderr: Array | None = None
         runs = [
             _measure(value + noise * rng.standard_normal(value.shape), x_m, y_m)[0] for _ in range(REPLICATES)
         ]
-        table = np.array([[*run, run[4] / run[3]] for run in runs])
-        names = ("peak", "centre_x_m", "centre_y_m", "hwhm_x_m", "hwhm_y_m", "ellipticity")
+        table = np.array([[*run, run[4] / run[3], np.sqrt(run[3] * run[4])] for run in runs])
+        names = ("peak", "centre_x_m", "centre_y_m", "hwhm_x_m", "hwhm_y_m", "ellipticity", "hwhm_m")
         errors = dict(zip(names, map(float, np.nanstd(table, axis=0, ddof=1)), strict=True))
     return Spot(peak, x0, y0, hwhm_x, hwhm_y, errors, problem)
 

@@ -18,6 +18,9 @@ class Allowed:
         return self.low <= value <= self.high
 
 
+#: Photons, unless others are asked for: of the light field around an array, and of the flux vector along the
+#: axis, whose derivatives tell what a pose is worth (1 % of a bound at 10 m, 4 % at 17).
+FIELD_PHOTONS, AXIS_PHOTONS = 1e7, 2e6
 REL_ERROR, PHOTONS, SEED = Allowed("1e-5", "1"), Allowed("1e3", "1e12"), Allowed("0", "2147483647")
 
 

@@ -66,7 +66,8 @@ def tank_figure(
         beside.set_xlabel("z (m), from the lamp")
         if tank:
             at = reach, walls[1][1]
-            beside.annotate("water surface", at, (-4, 3), textcoords="offset points", ha="right", color=MUTED)
+            above_it = "lid" if tank.surface == "none" else "water surface"
+            beside.annotate(above_it, at, (-4, 3), textcoords="offset points", ha="right", color=MUTED)
         handles, names = above.get_legend_handles_labels()
         fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else 3)
     return fig

@@ -22,6 +22,7 @@ from lightfield.errors import UsageError
 from lightfield.formula.vector import direct_flux
 from lightfield.maps.dataset import CONVENTIONS, PLACE
 from lightfield.render.flux.traced_field import Region, traced_field
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, over_band
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -74,7 +75,7 @@ class Asked:
         )
 
 
-def field_dataset(scene: Scene, asked: Asked, *, photons: float = 1e7, seed: int = 0) -> xr.Dataset:
+def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS, seed: int = 0) -> xr.Dataset:
     """Light of a scene on a grid.
 
     Parameters

@@ -276,6 +276,18 @@ def change_tables(part: BaseModel, data: dict[str, Any], change: Callable[[str],
         change_tables(inner, data[name], change)
 
 
+def tables_in(part: BaseModel) -> list[Path]:
+    """Files of all tables of a part."""
+    found: list[Path] = []
+
+    def noted(table: str) -> str:
+        found.append(Path(table))
+        return table
+
+    change_tables(part, part.model_dump(), noted)
+    return found
+
+
 def _inside(part: BaseModel, data: Mapping[str, Any]) -> list[tuple[str, BaseModel]]:
     """Parts of a part that it dumped."""
     values = ((name, getattr(part, name)) for name in data)

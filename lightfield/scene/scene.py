@@ -42,6 +42,7 @@ from lightfield.scene.parameters import (
     change_tables,
     drop_later,
     numbers_of,
+    tables_in,
     with_fields,
     without_minus_zero,
 )
@@ -331,9 +332,8 @@ class Scene(Part):
             part: Any = self
             for key in parents:
                 owner, part = owner.setdefault(key, {}), getattr(part, key)
-                if (
-                    "type" in type(part).model_fields
-                ):  # tells which phase function it is, also when left unsaid
+                # Tells which phase function it is, also when left unsaid.
+                if "type" in type(part).model_fields:
                     owner.setdefault("type", part.type)
             owner[leaf] = _dumped(value)
         data[OWN_FIELD] = [_dumped(effect) for effect in data.get(OWN_FIELD, ())]
@@ -347,6 +347,11 @@ class Scene(Part):
 
     def __repr__(self) -> str:
         return f"<Scene: {self.name or 'without a name'}; {'in a tank' if self.tank else 'open water'}>"
+
+    @property
+    def tables(self) -> list[Path]:
+        """Files that are read with it: tables of its lamp, water, detector, array, follower."""
+        return tables_in(self)
 
     def digest(self) -> str:
         """SHA-256 of all that the physics depends on: every value, and the content of every table."""

@@ -8,7 +8,7 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: What scatters beside `water.scattering_per_m` and a base.
-_SCATTERING = ("chlorophyll_mg_per_m3", "sediment_g_per_m3")
+_SCATTERING = ("settling_per_m", "chlorophyll_mg_per_m3", "sediment_g_per_m3")
 
 
 def refuse_several(

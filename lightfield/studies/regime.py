@@ -192,7 +192,12 @@ def as_text(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> st
 
 
 def _reach_text(depth: Array, error: Array, level: float) -> str:
+    unknown = np.isnan(error)
+    if unknown[0]:
+        return "unknown"
     found = depth_within(depth, error, level)
+    if unknown.any() and found >= (last := depth[unknown.argmax() - 1]):
+        return f"> {last:g}"
     if np.isinf(found):
         return f"> {depth[-1]:g}"
     return f"< {depth[0]:g}" if np.isnan(found) else f"{found:.2g}"

@@ -122,7 +122,7 @@ def derive(
 
 
 def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
-    """Half width at half maximum of a spot (circle of equal area) and its standard error; NaN: none.
+    """Half width at half maximum of a spot (geometric mean of x and y) and its standard error; NaN: none.
 
     Parameters
     ----------

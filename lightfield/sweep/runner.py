@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from lightfield.errors import LightfieldError, OutputError, RenderError, one_line
+from lightfield.errors import BackendError, LightfieldError, OutputError, RenderError, one_line
 from lightfield.storage.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import check_workers, connected
@@ -33,6 +33,8 @@ class SweepProgress:
     ----------
     traces, traced : int
         Traces that this run had to make, and those made.
+    again : int
+        Cases that failed for the machine's sake: the same sweep tries them again.
     photons : float
         Traced by this run.
     trace_seconds, block_seconds : float
@@ -52,6 +54,7 @@ class SweepProgress:
     cases_before: int = 0
     cases_done: int = 0
     failed: int = 0
+    again: int = 0
     traced: int = 0
     photons: float = 0.0
     trace_seconds: float = 0.0
@@ -163,7 +166,8 @@ class _Dispatch:
         self.running: dict[str, tuple[bool, int]] = {}  # is it a trace, and its number
         self.users: dict[int, set[int]] = {}  # blocks that still need a trace
         self.pending: dict[int, set[int]] = {}  # traces that a block still waits for
-        self.broken: dict[int, str] = {}
+        self.broken: dict[int, str] = {}  # traces that failed, and why
+        self.unlucky: set[int] = set()  # of these for the machine's sake
         self.queue: list[int] = []
 
     def heard(self, event: tuple[float, dict[str, Any]]) -> None:
@@ -212,12 +216,14 @@ class _Dispatch:
                 raise RenderError("the cluster gave up", remedy="the same command continues") from error
             raise
         except (LightfieldError, KilledWorker, ValueError, RuntimeError, TypeError, MemoryError) as error:
+            # What another machine, or fewer workers, may do is no answer about a case.
+            again = isinstance(error, KilledWorker | MemoryError | RuntimeError | BackendError)
             if is_trace:
                 self.broken[number] = _reason(error)
+                self.unlucky |= {number} if again else set()
                 return None
-            return BlockDone(
-                number, {int(c): _reason(error) for c in self.plan.blocks[number].cases}, {}, 0.0, "", 0
-            )
+            failed = {int(c): _reason(error) for c in self.plan.blocks[number].cases}
+            return BlockDone(number, failed, {}, 0.0, "", 0, again)
 
     def _traced(self, result: TraceDone) -> None:
         self.progress.traced += 1
@@ -244,12 +250,15 @@ class _Dispatch:
                 result.failed[case] = self.broken[trace]
             elif case in self.plan.problems:
                 result.failed[case] = self.plan.problems[case]
+        again = result.again or not self.unlucky.isdisjoint(block.traces)
         self.store.record(
             block=result.number,
             failed={str(c): text for c, text in result.failed.items()},
             seconds=result.seconds,
             files=result.files,
+            **({"again": True} if again else {}),
         )
+        self.progress.again += len(result.failed) if again else 0
         self.progress.cases_done += len(block.cases)
         self.progress.failed += len(result.failed)
         self.progress.block_seconds += result.seconds
@@ -291,7 +300,7 @@ def _note(progress: SweepProgress, result: TraceDone | BlockDone, report: Report
 def _reason(error: BaseException) -> str:
     name = type(error).__name__
     if name == "KilledWorker":
-        return "the worker died every time it was tried; out of memory?"
+        return "the worker died every time it was tried; out of memory? The same sweep tries again"
     text = one_line(error)
     return (text if isinstance(error, LightfieldError) else f"{name}: {text}")[:240]
 

@@ -120,7 +120,7 @@ def derived_variables(quantity: str, units: str, area_units: str) -> list[tuple[
     told = [
         (f"on_axis_{quantity}", "on_axis", units, f"{quantity} on the axis"),
         ("plane_power", "plane_power", area_units, "integral over the plane"),
-        ("half_width_m", "half_width", "m", "half width at half maximum of the spot (circle of equal area)"),
+        ("half_width_m", "half_width", "m", "half width at half maximum of the spot, mean of x and y"),
         (
             "formula_error_on_axis",
             "formula_error_axis",

@@ -135,10 +135,12 @@ class SweepStore:
         )
 
     def finish(self) -> None:
-        """Mark the store as complete and remove the traces."""
+        """Mark the store as complete, unless blocks are to be done again, and remove the traces."""
         zarrfile.remove_unfinished_chunks(self.path)  # of workers that died
         self.summarise()
         shutil.rmtree(self.traces, ignore_errors=True)
+        if any(entry.get("again") for entry in self.blocks().values()):
+            return
         self._write(self._metadata("yes"), complete=len(self.plan.blocks))
 
     def _create(self) -> None:
@@ -156,6 +158,7 @@ class SweepStore:
         """Check all that is there, and forget what is damaged: it is done again."""
         zarrfile.remove_unfinished_chunks(self.path)
         bad = set(journal.damaged_files(self.path, self.journal))
+        self.journal = [entry for entry in self.journal if not entry.get("again")]
         self._check_plan(journal.PLAN in bad)
         if lost or bad or not self._plans():
             # The lines of traces may be among the lost ones.

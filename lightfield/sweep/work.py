@@ -60,7 +60,13 @@ class TraceDone:
 
 @dataclass(frozen=True)
 class BlockDone:
-    """Report of a block: what failed and why, by case; digests of the files written, by name."""
+    """Report of a block: what failed and why, by case; digests of the files written, by name.
+
+    Parameters
+    ----------
+    again : bool
+        It failed for the machine's sake, and is to be done again.
+    """
 
     number: int
     failed: dict[int, str]
@@ -68,6 +74,7 @@ class BlockDone:
     seconds: float
     worker: str
     peak_bytes: int
+    again: bool = False
 
 
 @dataclass(frozen=True)

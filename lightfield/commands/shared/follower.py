@@ -7,8 +7,7 @@ from typing import Any
 
 from lightfield.commands.shared.options import add_option, given
 from lightfield.errors import UsageError
-
-PHOTONS = 1e7
+from lightfield.render.limits import FIELD_PHOTONS
 
 
 def add_space(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +20,7 @@ def add_space(parser: argparse.ArgumentParser) -> None:
         "--medium", choices=("water", "air"), default="water",
         help="air: the tank empty, as a rehearsal on the bench has it (default water)",
     )  # fmt: skip
-    add_option(parser, "--max-photons", PHOTONS)
+    add_option(parser, "--max-photons", FIELD_PHOTONS)
     add_option(parser, "--seed", 0)
     add_option(parser, "--no-trace")
 
@@ -38,4 +37,4 @@ def photons_of(args: argparse.Namespace) -> float:
     """How many photons to trace; none where only the formula is asked for."""
     if args.no_trace:
         return 0.0
-    return PHOTONS if args.max_photons is None else float(args.max_photons)
+    return FIELD_PHOTONS if args.max_photons is None else float(args.max_photons)

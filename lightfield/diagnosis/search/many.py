@@ -12,7 +12,7 @@ from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Finding, Level, with_base
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
-from lightfield.diagnosis.search.pool.any_number import Data, Ends, Many, never, search_many
+from lightfield.diagnosis.search.pool.any_number import Data, Ends, Many, ground_about, never, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -25,6 +25,9 @@ from lightfield.diagnosis.search.small_sets import Tried, bic, weights
 _ACCEPTED, _NEAR = 8, 12
 #: Sets whose chi-square differs by less, in units of the noise, fit as well. Chosen: one standard error.
 _AS_GOOD = 1.0
+#: Chi-square over that of the noise from which on a set misses the readings by far. Chosen: what lacks one of
+#: several effects leaves more.
+_FAR = 2.0
 
 
 def beyond_two(
@@ -79,6 +82,29 @@ def _family(many: Many, alpha: float) -> list[Tried]:
         if tested.accepted(alpha):
             out.append(tested)
     return out
+
+
+def misses_by_far(tolerance: float) -> Ends:
+    """A search ends whose best first set misses the readings by far more than noise and tolerance."""
+
+    def ends(prepared: Prepared, pool: Pool, known: Node, found: Node) -> bool:
+        made, ground = ground_about(prepared, tolerance, np.random.default_rng(0), found)
+        problem = prepared.problem
+        residual = made.whiten(problem.keep * (problem.value - found.fit.prediction))
+        return float(residual @ residual) > _FAR * ground.phi * (problem.keep.sum() - len(found.fit.u))
+
+    return ends
+
+
+def leaves(part: float) -> Ends:
+    """A search ends whose best first set leaves more than a part of what is left beside what was known."""
+
+    def ends(prepared: Prepared, pool: Pool, known: Node, found: Node) -> bool:
+        kept = float(prepared.problem.keep.sum())
+        now, before = (node.fit.chi2 / (kept - len(node.fit.u)) for node in (found, known))
+        return now > part * before
+
+    return ends
 
 
 def in_pool(finding: Finding) -> Node | None:

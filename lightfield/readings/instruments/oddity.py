@@ -43,7 +43,7 @@ class Oddity:
 
 
 _WORDS = {
-    Odd.CUT_LINE: "the file ends within a line; its last pixel is not used",
+    Odd.CUT_LINE: "the file ends within a line; what stands last is not used",
     Odd.MORE_PIXELS: "{count} pixels, though the header says {announced} (spliced from two spectrometers?)",
     Odd.END_UNKNOWN: "no end marker and no number of pixels: whether the file is complete cannot be told",
     Odd.EXPOSURE_UNKNOWN: "the exposure is not known: {label!r} {why}",

@@ -13,6 +13,7 @@ from lightfield.arrays import Array
 from lightfield.readings import text, units
 from lightfield.readings.instruments.document import Document
 from lightfield.readings.instruments.number_block import LEAST_ACROSS, check_axis
+from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -37,6 +38,7 @@ def read(document: Document) -> list[Spectrum]:
         given = [""] * len(names)
     missing = {text.number_or_nan(header.get(key, "-999")) for key in ("missing", "below_detection_limit")}
     lines, rows = _rows(document, end, len(names), header.get("delimiter", "space"), problems)
+    notes = _without_cut_line(document, lines, rows)
     problems.raise_any(f"not a usable {NAME} file")
     low = [name.lower() for name in names]
     if "wavelength" in low or "lambda" in low:
@@ -45,7 +47,9 @@ def read(document: Document) -> list[Spectrum]:
         check_axis(wavelength, lines, problems)
         problems.raise_any(f"not a usable {NAME} file")
         return [
-            _spectrum(document, header, wavelength, _column(rows, [k], missing)[:, 0], names[k], given[k], "")
+            _spectrum(
+                document, header, wavelength, _column(rows, [k], missing)[:, 0], names[k], given[k], "", notes
+            )
             for k in range(len(names))
             if k != axis and not low[k].endswith(("_sd", "_unc", "_se"))
         ]
@@ -69,7 +73,9 @@ def read(document: Document) -> list[Spectrum]:
         check_axis(wavelength, (), problems)
         values = _column(rows, which, missing)
         out += [
-            _spectrum(document, header, wavelength, values[r], name, given[which[0]], _moment(low, row))
+            _spectrum(
+                document, header, wavelength, values[r], name, given[which[0]], _moment(low, row), notes
+            )
             for r, row in enumerate(rows)
         ]
     problems.raise_any(f"not a usable {NAME} file")
@@ -107,12 +113,21 @@ def _rows(
             continue
         lines.append(k)
         rows.append(cells)
-    if rows and not document.ended and len(rows) > 1:
-        rows.pop()  # its last number may have lost digits
-        lines.pop()
     if not rows and not problems:
         problems.add("there are no rows behind the header", remedy="download or export it again")
     return lines, rows
+
+
+def _without_cut_line(document: Document, lines: list[int], rows: list[list[str]]) -> tuple[Oddity, ...]:
+    """Take out a last row that the file ends within, of a single one its last number: digits may be lost."""
+    if document.ended:
+        return ()
+    if len(rows) == 1:
+        rows[0][-1] = ""
+    else:
+        rows.pop()
+        lines.pop()
+    return (Oddity(Odd.CUT_LINE),)
 
 
 def _column(rows: list[list[str]], which: list[int], missing: set[float]) -> Array:
@@ -130,7 +145,14 @@ def _moment(names: list[str], row: list[str]) -> str:
 
 
 def _spectrum(
-    document: Document, header: dict[str, str], nm: Array, values: Array, name: str, unit: str, date: str
+    document: Document,
+    header: dict[str, str],
+    nm: Array,
+    values: Array,
+    name: str,
+    unit: str,
+    date: str,
+    notes: tuple[Oddity, ...],
 ) -> Spectrum:
     return Spectrum(
         source=document.where,
@@ -144,4 +166,5 @@ def _spectrum(
         date=date,
         processed_unit=units.absolute_or_none(unit),
         label=name,
+        notes=notes,
     )

@@ -28,7 +28,7 @@ from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on
 from lightfield.render.backend import use_backend
 from lightfield.render.flux.history_splines import HistorySplines
 from lightfield.render.flux.spline import BEFORE, BEHIND, Splines
-from lightfield.render.limits import check_photons
+from lightfield.render.limits import FIELD_PHOTONS, check_photons
 from lightfield.render.maps import transport_key
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of
@@ -88,7 +88,7 @@ def traced_field(
     scene: Scene,
     region: Region,
     *,
-    photons: float = 1e7,
+    photons: float = FIELD_PHOTONS,
     seed: int = 0,
     reference: Reference | None = None,
     cache: bool = True,

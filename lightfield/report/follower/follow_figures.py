@@ -170,7 +170,7 @@ def _events(axis: Axes, one: Followed) -> None:
 
 
 def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str, narrow: bool = False) -> Figure:
-    """A metric over the first axis, a line for every step of the others; bars: scatter from run to run."""
+    """A metric over the first axis, a line for each step of the others; bars: standard errors."""
     first, others = axes[0], list(axes[1:])
     steps = data[first].values
     numbers = steps.dtype.kind in "fi"
@@ -180,9 +180,9 @@ def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str, narrow: boo
             one = data.isel(dict(zip(others, at_others, strict=True)))
             name = ", ".join(str(data[n].values[i]) for n, i in zip(others, at_others, strict=True))
             belief = name if name in COLOURS else ""
-            scatter = np.nan_to_num(one[f"{metric}_stderr"].values) * data.attrs["runs"] ** 0.5
+            error = np.nan_to_num(one[f"{metric}_stderr"].values)
             axis.errorbar(
-                at, one[metric].values, scatter, marker="o", capsize=3, linestyle="-" if numbers else "none",
+                at, one[metric].values, error, marker="o", capsize=3, linestyle="-" if numbers else "none",
                 color=COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
             )  # fmt: skip
         if not numbers:

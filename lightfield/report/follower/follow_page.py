@@ -11,7 +11,7 @@ from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import follower_in
-from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OverRuns
+from lightfield.studies.following.metrics import METRICS, OF_DOCKING
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
 
@@ -95,11 +95,7 @@ def follow_sweep_page(data: xr.Dataset) -> str:
     rows = []
     for steps in np.ndindex(*(data.sizes[name] for name in axes)):
         one = data.isel(dict(zip(axes, steps, strict=True)))
-        errors = [float(one[f"{n}_stderr"]) for n in shown]
-        cells = [
-            _words(OverRuns(float(one[n]), e * runs**0.5, e, int(np.isfinite(one[n]))))
-            for n, e in zip(shown, errors, strict=True)
-        ]
+        cells = [_words(float(one[name]), float(one[f"{name}_stderr"])) for name in shown]
         failed = str(one.message.values)
         where = ", ".join(f"{data[name].values[k]}" for name, k in zip(axes, steps, strict=True))
         rows.append([where, *(cells if not failed else [failed, *[""] * (len(shown) - 1)])])
@@ -110,11 +106,11 @@ def follow_sweep_page(data: xr.Dataset) -> str:
             f"{metric.capitalize()} over {axes[0]}",
             [
                 page_figure(
-                    "sweep", f"{meaning.capitalize()} ({unit}); bars: scatter from run to run.",
+                    "sweep", f"{meaning.capitalize()} ({unit}); bars: standard errors of the mean.",
                     "A metric over parameters", sweep_figure, data, axes, metric,
                 )
             ],
-            "Mean of the runs ± scatter from run to run.",
+            f"Mean of {runs} runs ± its standard error.",
             [", ".join(axes), *(f"{n.replace('_', ' ')} ({METRICS[n][0]})" for n in shown)],
             rows,
         )
@@ -131,10 +127,11 @@ def _cell(one: Followed, name: str) -> str:
         return "–"
     if name == "docked":
         return f"{int(one.runs[name].sum())} of {len(one.runs[name])}"
-    return _words(one.spreads[name])
+    over = one.spreads[name]
+    return _words(over.mean, over.scatter)
 
 
-def _words(one: OverRuns) -> str:
-    if not one.runs:
+def _words(mean: float, off: float) -> str:
+    if np.isnan(mean):
         return "never"
-    return f"{one.mean:.3g}" + (f" ± {one.scatter:.2g}" if np.isfinite(one.scatter) else "")
+    return f"{mean:.3g}" + (f" ± {off:.2g}" if np.isfinite(off) else "")

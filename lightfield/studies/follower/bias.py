@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, jsonable
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -56,12 +57,12 @@ ACROSS, ALONG = 5, 5
 
 
 def reading_on_axis(light: Light, z_m: float) -> float:
-    """Reading of a receiver on the axis that faces the lamp, 1/m^2."""
+    """Reading of a receiver on the tank's axis that faces the lamp, 1/m^2."""
     return float(light.reading(np.array([[0.0, 0.0, z_m]]), np.array([[0.0, 0.0, -1.0]]))[0])
 
 
 def slope_per_m(light: Light, near_m: float, far_m: float) -> float:
-    """K of ln(E z^2) on the axis between two distances, 1/m: what a fit of Beer-Lambert there gives."""
+    """K of ln(E z^2) on the tank's axis between two distances, 1/m: what Beer-Lambert makes of it."""
     first, last = (reading_on_axis(light, z) * z**2 for z in (near_m, far_m))
     return float(np.log(first / last) / (far_m - near_m))
 
@@ -259,10 +260,8 @@ def told_bias(found: xr.Dataset, name: str) -> xr.DataArray:
 
 
 def _data(found: xr.Dataset) -> dict[str, Any]:
-    values = {
-        str(k): np.where(np.isfinite(v.values), v.values, 0.0).tolist() for k, v in found.data_vars.items()
-    }
-    return {**{str(k): v.values.tolist() for k, v in found.coords.items()}, **values}
+    every = {**found.coords, **found.data_vars}
+    return {str(name): jsonable(one.values.tolist()) for name, one in every.items()}
 
 
 def bias_study(
@@ -270,7 +269,7 @@ def bias_study(
     space: Space | None = None,
     scattering_per_m: Sequence[float] = SCATTERING_PER_M,
     *,
-    photons: float = 1e7,
+    photons: float = FIELD_PHOTONS,
     seed: int = 0,
 ) -> BiasStudy:
     """The error of a follower that believes the formula, over waters, calibrations and places.

@@ -16,7 +16,8 @@ from typing import Literal
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.scene import Follower
+from lightfield.scene import Follower, Lamp
+from lightfield.scene.lamp.frame import beam_axes
 from lightfield.studies.follower.elements import Elements
 
 POSE = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -37,6 +38,14 @@ _STEP = 1e-5
 def pose_of(f: Follower) -> Array:
     """Pose that a scene gives, m and rad, shape (6,)."""
     return np.array([f.x_m, f.y_m, f.z_m, *np.radians([f.yaw_deg, f.pitch_deg, f.roll_deg])])
+
+
+def poses_on_axis(lamp: Lamp, z_m: Array) -> Array:
+    """Poses at rest where the beam's axis is at these distances, m and rad, shape (n, 6)."""
+    ux, uy, uz = beam_axes(lamp)[2]
+    poses = np.zeros((len(z_m), 6))
+    poses[:, :3] = np.stack([lamp.offset_x_m + ux / uz * z_m, lamp.offset_y_m + uy / uz * z_m, z_m], axis=1)
+    return poses
 
 
 def in_degrees(pose: Array) -> Array:

@@ -19,7 +19,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.frames import POSE, in_degrees, in_frame
+from lightfield.studies.follower.frames import POSE, UNKNOWN_VARIANCE, in_degrees, in_frame
 from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
 from lightfield.studies.follower.rival_poses import RivalPose, nearest_alike, others
@@ -98,7 +98,7 @@ class PoseEstimate:
             "status": self.status,
             **self.total.as_data(),
             "covariance_m_rad": np.where(
-                np.isfinite(self.total.covariance), self.total.covariance, 1e9
+                np.isfinite(self.total.covariance), self.total.covariance, UNKNOWN_VARIANCE
             ).tolist(),
             "gain": self.gain,
             "chi2": self.chi2,

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import Space, light_of
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.frames import POSE, UNKNOWN_VARIANCE, in_degrees
 from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimator, PoseEstimate
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.table import read_samples
@@ -148,10 +149,11 @@ class Poses:
             row = {"time_s": float(self.time_s[k]), **one.as_data()}
             if self.tracked is not None and np.isfinite(self.tracked[k].pose).all():
                 state = self.tracked[k]
+                known = np.isfinite(state.total)
                 row["filtered"] = {
                     "pose_m_deg": dict(zip(POSE, in_degrees(state.pose).tolist(), strict=True)),
                     "rate_m_deg_per_s": dict(zip(POSE, in_degrees(state.rate).tolist(), strict=True)),
-                    "covariance_m_rad": np.where(np.isfinite(state.total), state.total, 1e9).tolist(),
+                    "covariance_m_rad": np.where(known, state.total, UNKNOWN_VARIANCE).tolist(),
                     "used": state.used,
                 }
             found.append(row)
@@ -185,7 +187,7 @@ def poses_of(
     space: Space | None = None,
     *,
     filtered: bool = False,
-    photons: float = 1e7,
+    photons: float = FIELD_PHOTONS,
     seed: int = 0,
 ) -> Poses:
     """Poses of the samples of a table.

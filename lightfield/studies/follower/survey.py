@@ -10,12 +10,13 @@ import xarray as xr
 
 from lightfield.arrays import jsonable
 from lightfield.errors import SceneError
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.array_light import ArrayModel, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
-from lightfield.studies.follower.frames import POSE, pose_of
+from lightfield.studies.follower.frames import POSE, pose_of, poses_on_axis
 from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
 from lightfield.studies.follower.pose_search import box_of
 from lightfield.studies.follower.rival_poses import RivalPose, rivals
@@ -38,7 +39,7 @@ class Survey:
     here : Bound
         At the scene's pose.
     axis : list of Bound
-        On the beam's axis, near, middle and far.
+        On the beam's axis, as far as it stays in the space: near, middle and far.
     space : xarray.Dataset
         Standard deviations over the formation space, dimensions (z_m, x_m), and `A`.
     rivals : list of RivalPose
@@ -116,7 +117,9 @@ def array_of(scene: Scene) -> DetectorArray:
     return scene.array
 
 
-def survey(scene: Scene, space: Space | None = None, *, photons: float = 1e7, seed: int = 0) -> Survey:
+def survey(
+    scene: Scene, space: Space | None = None, *, photons: float = FIELD_PHOTONS, seed: int = 0
+) -> Survey:
     """What the array of a scene can know of its pose.
 
     Parameters
@@ -141,12 +144,13 @@ def survey(scene: Scene, space: Space | None = None, *, photons: float = 1e7, se
     model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)
     names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank))
     parts = model.leave_one_out()
-    near = np.linspace(space.near_m, space.far_m, 3)
+    along = poses_on_axis(scene.lamp, np.linspace(space.near_m, space.far_m, 3))
+    along[:, :2] = along[:, :2].clip(-space.half_width_m, space.half_width_m)
     return Survey(
         scene,
         elements,
         with_doubt(model, parts, pose, names, noise, nuisances),
-        [with_doubt(model, parts, np.array([0, 0, z, 0, 0, 0.0]), names, noise, nuisances) for z in near],
+        [with_doubt(model, parts, at, names, noise, nuisances) for at in along],
         bound_map(model, space, names, noise, nuisances),
         rivals(model, pose, names, noise, box_of(space), gain_sigma=nuisances.get("gain", 0.0), seed=seed),
         nuisances,

@@ -12,6 +12,7 @@ import xarray as xr
 from lightfield.arrays import Array, finite
 from lightfield.errors import SceneError
 from lightfield.progress import step
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
@@ -256,7 +257,7 @@ def follow(
     *,
     runs: int = 4,
     seed: int = 0,
-    photons: float = 1e7,
+    photons: float = FIELD_PHOTONS,
     densest: float | None = None,
 ) -> Following:
     """Let followers run the missions of scenes.

@@ -16,8 +16,10 @@ import xarray as xr
 from lightfield import __version__
 from lightfield.errors import LightfieldError, one_line
 from lightfield.maps.dataset import CONVENTIONS
-from lightfield.render.limits import PHOTONS
+from lightfield.render.limits import FIELD_PHOTONS, PHOTONS
 from lightfield.scene import Scene
+from lightfield.scene.in_tank import follower_in
+from lightfield.storage import inputs
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, OverRuns
@@ -65,7 +67,7 @@ def run_follow_sweep(
     *,
     runs: int = 4,
     seed: int = 0,
-    photons: float = 1e7,
+    photons: float = FIELD_PHOTONS,
     workers: int = 0,
     report: Report | None = None,
 ) -> tuple[SweepPlan, SweepProgress]:
@@ -100,6 +102,9 @@ def run_follow_sweep(
             case = plan.cases.build(number)
             densest = max(densest, densest_per_m(case))
             contents.add(elements_of(array_of(case)).as_csv())
+            mission = follower_in(case.follower, case.tank).mission
+            if mission.leader == "table":
+                contents.add(inputs.content_digest(str(mission.leader_table), inputs.TABLE))
         except LightfieldError:
             continue  # the case says so itself
     content = sha256("".join(sorted(contents)).encode()).hexdigest()[:16]
@@ -108,7 +113,10 @@ def run_follow_sweep(
     def target(_: SweepPlan, store: Path, variables: dict[str, Variable]) -> FollowTarget:
         return FollowTarget(store, variables, runs, seed, photons, densest)
 
-    kind = SweepKind(_variables, axis_coordinates, lambda p: _attributes(p, runs), target, do_block, told)
+    def attributes(plan: SweepPlan) -> dict[str, Any]:
+        return _attributes(plan, runs, photons)
+
+    kind = SweepKind(_variables, axis_coordinates, attributes, target, do_block, told)
     return plan, run_sweep(plan, path, kind=kind, workers=workers, report=report)
 
 
@@ -162,12 +170,12 @@ def _variables(plan: SweepPlan) -> dict[str, Variable]:
     return found | state_variables(plan)
 
 
-def _attributes(plan: SweepPlan, runs: int) -> dict[str, Any]:
+def _attributes(plan: SweepPlan, runs: int, photons: float) -> dict[str, Any]:
     scene = plan.cases.scene
     return {
         "Conventions": CONVENTIONS,
         "title": str(scene.name or "runs of a follower"),
-        "source": f"closed loop in traced light, lightfield {__version__}",
+        "source": f"closed loop in {'traced' if photons else 'direct'} light, lightfield {__version__}",
         "quantity": QUANTITY,
         "scene_toml": scene.to_toml(),
         "sweep_axes": json.dumps(axes_as_plain(plan)),

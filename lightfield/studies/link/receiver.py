@@ -18,7 +18,7 @@ from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.studies import photocurrent
 
-#: A lamp is seen where its signal is so many times the noise in this bandwidth (ten readings a second).
+#: A lamp is seen where its signal is so many times the noise in this bandwidth (20 readings a second).
 SEEN_SNR, SEEN_HZ = 10.0, 10.0
 #: What receivers there are, and room beside them: least, largest and unit.
 RANGES = {

@@ -140,6 +140,10 @@ def link(
         )  # fmt: skip
     refuse_pencil(scene.lamp)
     every = {"scene": Colours.of(scene).water_of(scene), **(WATERS if waters is None else waters)}
+    if "scene" in (waters or ()):
+        raise UsageError(
+            "a water of another name is wanted", where="scene", rule="the scene's own is called so"
+        )
     for name, pair in every.items():
         if not all(0 <= v < np.inf for v in pair):
             raise UsageError("impossible water", where=name, found=pair, rule="a and b of 0 or more, 1/m")

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from lightfield.arrays import Array
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
-from lightfield.scene.lamp.frame import beam_axes
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.frames import poses_on_axis
 from lightfield.studies.follower.information import UNKNOWN, Bound, nuisances_of, with_doubt
 from lightfield.studies.working_range.smooth_light import smooth_light
 
@@ -80,11 +78,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
     whole = scene.model_copy(update={"array": array, "follower": follower_in(scene.follower, scene.tank)})
     elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]
     nuisances = nuisances_of(whole)
-    poses = np.zeros((len(z_m), 6))
-    poses[:, 2] = z_m
-    x, y = whole.lamp.offset_x_m, whole.lamp.offset_y_m
-    ux, uy, uz = beam_axes(whole.lamp)[2]
-    poses[:, 0], poses[:, 1] = x + ux / uz * z_m, y + uy / uz * z_m
+    poses = poses_on_axis(whole.lamp, z_m)
     lights: list[Light] = [FormulaLight(whole)]
     if photons:
         lights.insert(0, smooth_light(whole, float(z_m.min()), float(z_m.max()), elements.reach_m, photons))

@@ -22,7 +22,7 @@ from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.progress import step
 from lightfield.readings import Readings
-from lightfield.render.limits import check_photons
+from lightfield.render.limits import AXIS_PHOTONS, check_photons
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.parameters import told
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
@@ -32,8 +32,6 @@ from lightfield.studies.working_range.reaches import Reach, last_place, place_er
 
 #: The paper's rule.
 PAPER_SHARE = 0.20
-#: Photons of the flux vector whose derivatives tell what a pose is worth (1 % of a bound at 10 m, 4 % at 17).
-PHOTONS = 2e6
 #: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
 #: So many times the nearest distance is far: steps are then equal ratios.
@@ -110,7 +108,7 @@ def working_range(
     noise: float = 0.01,
     snr: float = 10.0,
     to_m: float | None = None,
-    photons: float = PHOTONS,
+    photons: float = AXIS_PHOTONS,
 ) -> WorkingRange:
     """Light, spot and accuracy of a pose against distance, and how far each of them suffices.
 

@@ -42,7 +42,7 @@ WRONG = {
     "bare numbers": (lambda: lf.diagnose(np.ones(4), POOL), "readings.*`load`"),  # type: ignore[arg-type]
     "no effect": (lambda: lf.diagnose("x.csv", POOL, effects=[]), "no effect is named"),
     "a list with a number": (lambda: lf.attenuation(["a.csv", 3], POOL), "readings.*`load`"),  # type: ignore[list-item]
-    "alpha in per cent": (lambda: lf.diagnose("x.csv", POOL, alpha=5), "alpha.*between 0 and 1"),
+    "alpha in per cent": (lambda: lf.diagnose("x.csv", POOL, alpha=5), "alpha.*0.0005 to 0.5"),
     "half a water": (lambda: lf.link(POOL, water={"harbour": 3}), "water harbour.*1/m"),  # type: ignore[dict-item]
     "waters in a list": (lambda: lf.link(POOL, water=[(1, 2)]), "water.*names"),  # type: ignore[arg-type]
     "no photons": (lambda: lf.follow(POOL, max_photons=-1), "max_photons.*1e3 to 1e12"),
@@ -52,13 +52,20 @@ WRONG = {
     "five photons for a map": (lambda: lf.render(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
     "five photons for distances": (lambda: lf.range(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
     "one scene for a list": (lambda: lf.follow(POOL, with_="a.toml"), "with_.*a list"),
+    "two scenes of one name": (lambda: lf.follow(POOL, with_=[POOL]), "with_.*two scenes of one name"),
+    "an array named like the scene's": (
+        lambda: lf.array.compare(POOL, {"a pool": POOL}),
+        "with_.*two scenes of one name",
+    ),
+    "a water named like the scene's": (lambda: lf.link(POOL, water={"scene": (0.1, 0.1)}), "another name"),
+    "noise of a range in words": (lambda: lf.range(POOL, noise="x"), "noise.*a number"),  # type: ignore[arg-type]
     "a band that is no pair": (lambda: lf.import_("i.csv", band=(500, 550)), "band.*pairs"),  # type: ignore[arg-type]
     "another medium": (lambda: lf.array.show(POOL, medium="oil"), "medium.*'water' or 'air'"),  # type: ignore[arg-type]
     "arrays without names": (lambda: lf.array.compare(POOL, [POOL]), "with_.*names"),  # type: ignore[arg-type]
     "no other array": (lambda: lf.array.compare(POOL, {}), "nothing to compare"),
     "no such task": (lambda: lf.array.optimise(POOL, task="x"), "task.*'docking'"),  # type: ignore[arg-type]
-    "a box inside out": (lambda: lf.array.optimise(POOL, box=-1), "box.*above 0"),
-    "detectors that look back": (lambda: lf.array.optimise(POOL, tilt_max=200), "tilt_max.*0 to 90"),
+    "a box inside out": (lambda: lf.array.optimise(POOL, box=-1), "box.*0.01 to 10 m"),
+    "detectors that look back": (lambda: lf.array.optimise(POOL, tilt_max=200), "tilt_max.*0 to 80"),
     "readings that are no file": (lambda: lf.pose.estimate(np.ones(3), POOL), "readings.*path"),  # type: ignore[arg-type]
     "one water for a list": (lambda: lf.pose.bias(POOL, scattering=0.1), "scattering.*list"),  # type: ignore[arg-type]
     "a size in words": (lambda: lf.picture(POOL, size="32x18"), "size.*32x18.*2 whole numbers"),  # type: ignore[arg-type]

@@ -20,7 +20,7 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
-from lightfield.errors import UsageError
+from lightfield.errors import OutputError, UsageError
 from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects
 from lightfield.fitting.curves import ABSORPTION, NODES, POWER, PROFILE
@@ -335,3 +335,9 @@ def test_a_diagnosis_leaves_its_curves_and_its_lamp(tmp_path: Path) -> None:
     assert np.abs(value - ringed(at / HWHM))[near].max() < 0.03 and stderr[near].max() < 0.03
     fitted_scene = Scene.load(tmp_path / "with" / f"rung{len(steps) - 1}.toml")
     assert fitted_scene.lamp.profile_departure and curve["rms"] > 0.1
+    # The next campaign reads that lamp: it is not written over.
+    of_it = {"lamp.profile": "table", "lamp.intensity_table": str(tmp_path / "with" / "lamp.csv")}
+    scenes = replace(found.forward.scenes, scene=believed().with_values(of_it))
+    again = SceneForward(scenes.scene, table, light=replace(found.forward.light, scenes=scenes))
+    with pytest.raises(OutputError, match="in use"):
+        save_lamp(again, last.fit, tmp_path / "with")

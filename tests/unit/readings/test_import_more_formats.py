@@ -53,6 +53,19 @@ def test_the_reader_is_found_by_the_file_and_gives_its_spectrum(tmp_path, name):
         assert spectra[0].integration_time_s == pytest.approx(0.07, rel=1e-12)
 
 
+def test_a_file_that_ends_within_its_last_row_says_so(tmp_path):
+    """The row may have lost digits: it is not used. A whole file says nothing."""
+    name = next(name for name in TEXTS if name.startswith("SeaBASS"))
+    whole = TEXTS[name]()
+    assert whole.endswith("\n") and read_spectra(written(tmp_path, whole))[0].notes == ()
+    more = whole + whole.splitlines()[-1]
+    alone, first = (read_spectra(written(tmp_path, text)) for text in (whole.rstrip("\n"), more))
+    for (spectrum,) in (alone, first):
+        assert spectrum.notes == (Oddity(Odd.CUT_LINE),)
+    assert first[0].raw.tolist() == pytest.approx(COUNTS.tolist())
+    assert alone[0].raw[:-1].tolist() == pytest.approx(COUNTS[:-1].tolist()) and np.isnan(alone[0].raw[-1])
+
+
 def test_settings_in_the_words_of_other_languages(tmp_path):
     for text in (spanish(), avantes(), avantes8()):
         found = read_spectra(written(tmp_path, text))[0]

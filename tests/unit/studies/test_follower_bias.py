@@ -117,8 +117,10 @@ def test_a_calibration_that_is_kept_errs_by_what_the_water_swallows(z: float) ->
 
 def test_water_that_is_more_than_a_number_is_refused() -> None:
     pure = SCENE.with_values({"water.base": "pure", "water.absorption_per_m": 0.0})
-    with pytest.raises(SceneError, match=r"water\.base"):
-        bias_study(pure, SPACE, photons=0)
+    settling = SCENE.with_values({"water.settling_per_m": 0.1})
+    for water, named in ((pure, r"water\.base"), (settling, r"water\.settling_per_m")):
+        with pytest.raises(SceneError, match=named):
+            bias_study(water, SPACE, photons=0)
 
 
 def test_a_space_that_no_light_reaches_is_refused_before_any_trace(monkeypatch) -> None:

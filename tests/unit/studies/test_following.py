@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield import cli
-from lightfield.errors import SceneError
+from lightfield.errors import OutputError, SceneError
 from lightfield.report.follower.follow_page import follow_sweep_page, following_page
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -249,6 +249,22 @@ def test_runs_over_parameters_continue_where_they_stopped(tmp_path: Path) -> Non
     assert "4 of 4 cases" in html and "lqr" in html
     alone = follow({"": scene.with_values({"water.scattering_per_m": 0.1})}, runs=2, photons=0)
     assert before["standoff"][1][0] == alone.cases[0].spreads["standoff"].mean
+
+
+def test_a_store_is_of_one_way_of_the_leader(tmp_path: Path) -> None:
+    """A table that is changed is another sweep; the light of the formula is not said to be traced."""
+    way, store = tmp_path / "way.csv", tmp_path / "runs.zarr"
+    way.write_text("time_s,x_m,y_m,z_m\n0,0,0,0\n10,0.1,0,0\n", encoding="utf-8")
+    told = {"duration_s": 1.0, "leader": "table", "leader_table": str(way)}
+    scene = KNOWN.with_values({f"follower.mission.{name}": value for name, value in told.items()})
+    axes = [parse_axis("follower.mission.law=pid,lqr", "")]
+    run_follow_sweep(scene, axes, store, runs=1, photons=0)
+    assert "direct light" in open_store(store, QUANTITY).attrs["source"]
+    _, again = run_follow_sweep(scene, axes, store, runs=1, photons=0)
+    assert again.cases_done == 0
+    way.write_text("time_s,x_m,y_m,z_m\n0,0,0,0\n10,0.2,0,0\n", encoding="utf-8")
+    with pytest.raises(OutputError, match="another"):
+        run_follow_sweep(scene, axes, store, runs=1, photons=0)
 
 
 def test_a_case_that_cannot_be_is_recorded(tmp_path: Path) -> None:

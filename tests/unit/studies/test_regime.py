@@ -22,6 +22,23 @@ def test_error_is_that_of_the_wrong_exponent():
     assert float(abs(found.formula_error.sel(albedo=0.0)).max()) == 0
 
 
+def test_what_was_not_rendered_is_unknown():
+    """Nothing at all, from the first point on, or beyond points that the formula agrees with."""
+
+    def reach(*errors):
+        found = regime_map(lossless_scattering, [0.1, 0.2, 0.5], [0.5], ["x"])
+        found.formula_error[0, 0] = np.array(errors)
+        return rows(found)[0][2]
+
+    nothing = np.nan
+    assert reach(nothing, nothing, nothing) == reach(nothing, 0.01, 0.01) == "unknown"
+    assert reach(0.01, nothing, nothing) == "> 0.1"
+    assert reach(0.01, 0.01, nothing) == "> 0.2"
+    assert reach(0.06, nothing, nothing) == "< 0.1" and reach(0.01, 0.01, 0.01) == "> 0.5"
+    share = np.log(5) / np.log(9)  # straight in both logarithms
+    assert float(reach(0.01, 0.09, nothing)) == pytest.approx(0.1 * 2**share, abs=0.005)
+
+
 def test_reach_is_where_the_error_crosses_the_level():
     depth = np.array([0.1, 0.2, 0.5, 1.0, 2.0])
     error = np.expm1(-0.4 * depth)

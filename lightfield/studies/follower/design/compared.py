@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
@@ -188,7 +189,7 @@ def compare_arrays(
     space: Space | None = None,
     task: Task = "formation",
     *,
-    photons: float = 1e7,
+    photons: float = FIELD_PHOTONS,
     seed: int = 0,
 ) -> Arrays:
     """Arrays of several scenes in the light, noise and task of the first.

@@ -19,12 +19,15 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import Space
 from lightfield.studies.follower.design.compared import Arrays, ArraySetting, Task, judged_array, setting_of
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.survey import array_of
 
+#: Name of the array that is found.
+BEST = "the best found"
 #: Places along a side of the box, and tilts in either direction, of the first candidates.
 SIDE, TILTS = 7, 5
 #: How often the candidates close in, by half a step each time (chosen: steps of 1 cm and 2 degrees remain).
@@ -73,7 +76,7 @@ def optimise_array(
     *,
     task: Task = "formation",
     space: Space | None = None,
-    photons: float = 1e7,
+    photons: float = FIELD_PHOTONS,
     seed: int = 0,
 ) -> Arrays:
     """The best places and tilts of so many elements in a square, beside the scene's own array.
@@ -108,7 +111,7 @@ def optimise_array(
         )
     best = designed(setting, elements, room, seed)
     arrays = [
-        judged_array("the best found", best, setting),
+        judged_array(BEST, best, setting),
         judged_array(scene.name or "this array", own, setting),
     ]
     return Arrays(scene, sorted(arrays, key=lambda one: one.criterion), task, bool(photons))

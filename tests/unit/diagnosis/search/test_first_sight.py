@@ -10,8 +10,8 @@ from toy_pool import toy
 
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.whitening import Whitener
+from lightfield.diagnosis.search.many import leaves, misses_by_far
 from lightfield.diagnosis.search.pool.any_number import Data, Many, never, search_many
-from lightfield.diagnosis.search.pool.first_sight import leaves, misses_by_far
 from lightfield.diagnosis.search.search_progress import SILENT
 
 

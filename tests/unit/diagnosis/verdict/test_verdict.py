@@ -122,10 +122,20 @@ def test_an_effect_that_the_scene_has_is_not_found_again(found: Diagnosis) -> No
 def test_the_ledger_counts_the_runs_on_the_same_readings(found: Diagnosis, tmp_path) -> None:
     first, second = found.save(tmp_path), found.save(tmp_path)
     assert (first.verdict.run, second.verdict.run) == (1, 2)
+    assert first.older == second.older == ()
     rows = ledger.entries(tmp_path)
     assert [row["effects"] for row in rows[:3]] == [rung.effects for rung in found.verdict.ladder]
     other, _ = readings(seed=99)
     assert ledger.runs(tmp_path, ledger.readings_hash(other)) == 0
+
+
+def test_files_of_earlier_runs_are_told_and_left(found: Diagnosis, tmp_path) -> None:
+    """A lamp that is none of this run's beside its verdict would be taken for its own."""
+    old = {"lamp.csv", "curves.json", "hypotheses.toml", "rung7.toml"}
+    for name in old:
+        (tmp_path / name).write_text("of another run", encoding="utf-8")
+    assert set(found.save(tmp_path).older) == old
+    assert all((tmp_path / name).read_text(encoding="utf-8") == "of another run" for name in old)
 
 
 def test_climbing_by_hand_meets_the_diagnosis(found: Diagnosis, tmp_path) -> None:

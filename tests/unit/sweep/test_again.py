@@ -1,0 +1,68 @@
+"""What fails for the machine's sake is no answer about a case: the same sweep tries it again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from lightfield.errors import RenderError
+from lightfield.scene import Scene
+from lightfield.sweep import runner
+from lightfield.sweep.axes import parse_axis
+from lightfield.sweep.results import verify
+from lightfield.sweep.runner import MAPS, run_sweep
+from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
+
+SCENE = {
+    "water": {"absorption_per_m": 0.1, "scattering_per_m": 0.1},
+    "detector": {"planes_m": [2.0], "pixels": 5},
+}
+
+
+@pytest.fixture
+def plan() -> SweepPlan:
+    axes = [parse_axis("water.absorption_per_m=0.1,0.2", "--vary")]
+    return make_plan(Scene.from_dict(SCENE), axes, SweepSettings(max_photons=1e4, rel_error=0.5))
+
+
+def failing(error: Exception):
+    def block(*_: object) -> None:
+        raise error
+
+    return replace(MAPS, block=block)
+
+
+def status(store: Path) -> list[int]:
+    return xr.open_zarr(store).status.values.tolist()
+
+
+@pytest.mark.parametrize("what", ["block", "trace"])
+def test_without_memory_nothing_is_settled(plan, tmp_path, monkeypatch, what) -> None:
+    """What the store says then is why; the next time all is done, and what was done stays done."""
+    store, error = tmp_path / "s.zarr", MemoryError("no room")
+
+    def no_trace(*_: object) -> None:
+        raise error
+
+    with monkeypatch.context() as patched:
+        if what == "trace":
+            patched.setattr(runner, "do_trace", no_trace)
+        first = run_sweep(plan, store, kind=failing(error) if what == "block" else MAPS)
+    assert (first.failed, first.again) == (2, 2) and status(store) == [2, 2]
+    assert "no room" in str(xr.open_zarr(store).message.values[0])
+    assert not verify(store).complete
+    second = run_sweep(plan, store)
+    assert (second.cases_done, second.failed, second.again) == (2, 0, 0) and status(store) == [1, 1]
+    assert verify(store).complete
+    assert run_sweep(plan, store).cases_done == 0
+
+
+def test_what_a_scene_cannot_be_is_settled(plan, tmp_path) -> None:
+    store = tmp_path / "s.zarr"
+    first = run_sweep(plan, store, kind=failing(RenderError("no such light")))
+    assert (first.failed, first.again) == (2, 0) and verify(store).complete
+    second = run_sweep(plan, store)
+    assert (second.cases_done, second.failed) == (0, 2)
