@@ -17,7 +17,7 @@ from lightfield.studies.follower import survey
 from lightfield.studies.follower.array_light import Space
 from lightfield.studies.follower.design import compared, exchange
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.survey import DOCKING
+from lightfield.studies.follower.survey import DOCKING, DOCKING_ASKS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +63,7 @@ class Survey(OverAxes[survey.Survey], ToldByDetails[survey.Survey]):
     def headline(self) -> str:
         found = self.details
         return (
-            f"{len(found.elements)} elements: docking (0.1 m across, 0.3 m along, 5 deg) is met in "
+            f"{len(found.elements)} elements: docking ({DOCKING_ASKS}) is met in "
             f"{100 * found.reaches:.0f} % of the space"
         )
 

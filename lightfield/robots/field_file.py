@@ -149,7 +149,7 @@ def _variable(
 def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | float]:
     """What the numbers mean, and what a simulator needs for the direct light in closed form."""
     at = middles_nm(scene)[0].mean(keepdims=True)
-    low, high = scene.detector.bands_nm[0]
+    low, high = (at_nm + scene.detector.wavelength_shift_nm for at_nm in scene.detector.bands_nm[0])
     intensity = over_band(scene.lamp, low, high).intensity.mean() * (high - low)
     return {
         "Conventions": CONVENTIONS,

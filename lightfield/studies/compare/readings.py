@@ -211,7 +211,6 @@ def fit_readings(
     *,
     solver: str = "analytic",
     diffuse: DiffuseSource | str | None = None,
-    seed: int = 0,
     tracing: Mapping[str, Any] | None = None,
 ) -> FitReport:
     """Refit gain, beam width, absorption and the named effects, and say where the model fails.
@@ -227,8 +226,6 @@ def fit_readings(
     diffuse : "trace", None or callable
         Source of scattered and reflected light, as `diagnose` takes it. Also what is not set free helps to
         tell noise from misfit.
-    seed : int
-        Of the bootstrap.
     tracing : mapping, optional
         rel_error, max_photons and seed of the renders, see `lightfield.render.at_readings.rendered_light`.
 
@@ -242,7 +239,7 @@ def fit_readings(
     readings = readings.check_against(scene)
     with threadpool_limits(1, "blas"):
         budget = budget_of(readings)
-        model, prepared, made, base = _refit(readings, scene, with_effects, diffuse, budget, seed)
+        model, prepared, made, base = _refit(readings, scene, with_effects, diffuse, budget)
         cautions = hints(model.forward, model.problem, model.fit, budget.calibration)
         cautions += [Caution.of_table(w) for w in readings.warnings]
         for _ in range(2 if solver == "render" else 0):
@@ -286,7 +283,6 @@ def _refit(
     with_effects: Sequence[str],
     diffuse: DiffuseSource | str | None,
     budget: Budget,
-    seed: int,
 ) -> tuple[Refit, Prepared, Bench, Array]:
     """Fit with the fast model, traced in the water that the fit ends in; scattered light until it settles."""
     source, reason = source_of(scene, diffuse, readings)
@@ -298,7 +294,7 @@ def _refit(
         explanation = _chosen(problem, with_effects, untestable)
         if not any(c.effect.instead_of for c in explanation):
             problem = by_shape(problem)
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(0)
         prepared = prepare_problem(problem, quoted, budget, rng)
         made = bench(prepared, 0.0, rng)
         problem = prepared.problem

@@ -26,6 +26,8 @@ ACROSS, ALONG = 9, 9
 #: What docking asks for: 0.1 m and 5 degrees (Eren 2015, thesis, University of New Hampshire); 0.3 m along
 #: the beam.
 DOCKING = dict(zip(POSE, (0.1, 0.1, 0.3, *np.radians([5.0, 5.0, 5.0])), strict=True))
+#: The same in words.
+DOCKING_ASKS = f"{DOCKING['x']:g} m across, {DOCKING['z']:g} m along, {np.degrees(DOCKING['yaw']):g} deg"
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class Survey:
             "best that can be known (one reading, one standard deviation):",
             f"  {self.here.as_text()}",
             *(f"  {one.as_text()}" for one in self.axis),
-            f"docking (0.1 m across, 0.3 m along, 5 deg) is met in {100 * self.reaches:.0f} % of the space",
+            f"docking ({DOCKING_ASKS}) is met in {100 * self.reaches:.0f} % of the space",
         ]
         if self.rivals:
             lines.append(

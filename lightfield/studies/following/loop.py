@@ -22,6 +22,7 @@ from lightfield.studies.follower.array_light import Light, Space, pose_names
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations, wrapped
+from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.following.control import Law, law_of
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.observer import Observer
@@ -33,9 +34,9 @@ STEP_S = 0.02
 #: A follower that docks goes on where it takes itself to be this near the axis, m, and its heading, rad, this
 #: straight (half of what a dock takes, see `CONE`).
 READY_M, READY_RAD = 0.05, np.radians(2.5)
-#: A dock takes a vehicle within 0.1 m of its axis, 5 degrees, 0.1 m/s (Eren 2015, thesis, University of New
-#: Hampshire).
-CONE = (0.1, np.radians(5.0), 0.1)
+#: A dock takes a vehicle so near its axis, m, so straight, rad, so slow, m/s (Eren 2015, thesis,
+#: University of New Hampshire).
+CONE = (DOCKING["x"], DOCKING["yaw"], 0.1)
 #: Largest error, m, that a law is shown along an axis: none hurries (chosen: 0.2 m/s under PID).
 LONGEST_ERROR_M = 0.5
 #: How far behind the dock's mouth a follower aims, m: it has docked when it is stopped there (chosen).

@@ -8,6 +8,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene.follower import Mission
+from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.following.loop import CONE, Track
 
 #: Part of a run after which it counts as settled (chosen; a third, as the leader then has turned once).
@@ -16,7 +17,7 @@ SETTLED = 1 / 3
 END_S = 10.0
 #: A vehicle has found back where it is this near to where it should be, m: across, and along the beam (what
 #: docking asks for).
-BACK_M = np.array([0.1, 0.3])
+BACK_M = np.array([DOCKING["x"], DOCKING["z"]])
 #: Name, unit and meaning of every metric.
 METRICS: dict[str, tuple[str, str]] = {
     "standoff": ("m", "distance from the lamp along the beam, once settled"),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import jsonable
+from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.link.receiver import SEEN_HZ, SEEN_SNR
 from lightfield.studies.link.reported import REPORTED
 from lightfield.studies.link.study import Link
@@ -37,7 +38,7 @@ HEAD = (
 #: What is asked of each column.
 ASKED = (
     "Open water: walls and surface of a tank are left out. Docking: where an array of receivers on the axis "
-    "knows its pose to 0.1 m across, 0.3 m along and 5 degrees (Cramer-Rao bound of one reading; gain "
+    f"knows its pose to {DOCKING_ASKS} (Cramer-Rao bound of one reading; gain "
     "and water known as the scene says, or to 5 % and 20 %; "
     f"as in `range`). Seen: a signal {SEEN_SNR:g} times the noise in {SEEN_HZ:g} Hz, no pose. Echoes: "
     "scattered light that comes late into the next bits."

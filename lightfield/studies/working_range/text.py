@@ -8,6 +8,7 @@ import numpy as np
 
 from lightfield.arrays import finite
 from lightfield.studies.follower.array_light import LAMP_TILTS
+from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.working_range.reaches import POSE_RULES, RELATIVE, Reach
 from lightfield.studies.working_range.study import WorkingRange
 
@@ -46,8 +47,8 @@ def array_sentence(found: WorkingRange) -> str:
     flat = "" if array.layout == "table" or array.radius_m else " " + FLAT
     return (
         f"Poses: the Cramer-Rao bound of one reading of the array ({words}; {array.layout}), on the axis, "
-        f"facing the lamp; known beforehand to: {unknown or 'all exactly'}.{flat} Docking asks for 0.1 m "
-        "across, 0.3 m along and 5 degrees."
+        f"facing the lamp; known beforehand to: {unknown or 'all exactly'}.{flat} Docking asks for "
+        f"{DOCKING_ASKS}."
     )
 
 
