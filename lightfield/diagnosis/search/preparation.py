@@ -40,6 +40,8 @@ from lightfield.fitting.least_squares import Fit
 
 #: Replicates of the bootstrap: the smallest p is 0.001, a tenth of the level of a test.
 REPLICATES = 999
+#: A reading's own error is this part of all at least: the difference of squares that are equal is rounding.
+_LEAST_OF_ALL = 1e-6
 #: Serial correlation is judged beside more spare readings than this; see `robust._FEWEST_PAIRS`.
 _SPARE_FOR_SERIAL = 25
 #: Seeds of generators of their own.
@@ -229,7 +231,8 @@ def _errors_about(
     """
     problem, whiten, reference = kept[:3]
     layout = problem.layout
-    quoted_sigma = sigma = np.sqrt(whiten.noise.sigma**2 - own**2)
+    whole = whiten.noise.sigma
+    quoted_sigma = sigma = np.sqrt(np.maximum(whole**2 - own**2, (_LEAST_OF_ALL * whole) ** 2))
     if stated:
         rich, total = kept.rich, whiten.noise.sigma
         relative = np.clip(reference.prediction, 0, None) / total

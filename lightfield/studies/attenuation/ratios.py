@@ -60,7 +60,8 @@ class Ratios:
     stay_stderr : array, shape (n_stays,)
         Standard error of a stay.
     place_stderr : array, shape (n_places,)
-        Standard error of the spectra of a place, beyond that of its stay and `stderr`.
+        Standard error of the spectra of a place, beyond that of its stay and `stderr`: of what bands share,
+        and of standing beside the place.
     wavelength_nm : array, shape (n_colours,), nm
     y, stderr : array, shape (n_places, n_colours)
         NaN where a colour was not read in both media.
@@ -186,8 +187,10 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     if not budget.gain_stated:
         notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
     variance = _stay_variance(table, air, distances, budget.plane_gain, budget.position_m, in_air)
+    sideways = _sideways_error(lossless, table, air, places, place, budget.position_m, in_air)
+    of_places = np.hypot(_of_places(together), sideways)
     found = Ratios(
-        scene, x, y, z, path, stay, np.sqrt(variance), _of_places(together), colours[:, 0], ln, error,
+        scene, x, y, z, path, stay, np.sqrt(variance), of_places, colours[:, 0], ln, error,
         geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
     )  # fmt: skip
     return _enough(found, where)
@@ -281,6 +284,33 @@ def _of_places(together: Sequence[tuple[Array, Array]]) -> Array:
         known = np.isfinite(mean) & (mean > 0)
         part = np.where(known, error / np.where(known, mean, 1.0), 0.0) ** 2
         variance += part.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+    return np.sqrt(variance)
+
+
+def _sideways_error(
+    lossless: Scene,
+    table: Readings,
+    air: NDArray[np.bool_],
+    places: Array,
+    place: NDArray[np.int_],
+    position_m: float,
+    in_air: bool,
+) -> Array:
+    """Error of ln(water / air) of a receiver that stands beside its place across the beam, shape (n_places,).
+
+    The light's slope there is that of the scene's beam; every visit stands anew.
+    """
+    if position_m == 0:
+        return np.zeros(len(places))
+    squared = np.zeros(len(places))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for step in ([position_m, 0, 0], [0, position_m, 0]):
+            right, left = (direct_field(lossless, *(places + sign * np.array(step)).T) for sign in (1, -1))
+            squared += np.nan_to_num(np.log(right / left) / 2, posinf=0.0, neginf=0.0) ** 2
+    variance, visit = np.zeros(len(places)), layout_of(table).visit
+    for medium in [air, ~air] if in_air else [~air]:
+        stood = np.unique(np.stack([place[medium], visit[medium]]), axis=1)[0]
+        variance += squared / np.maximum(np.bincount(stood, minlength=len(places)), 1)
     return np.sqrt(variance)
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array, jackknife_stderr
+from lightfield.errors import RenderError
 from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.formula.vector import by_place, direct_flux, on_receivers
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
@@ -32,12 +33,17 @@ from lightfield.scene.water.hardening import hardening_depth
 
 #: Terms in distance and in squared tangent, of the excess and of the direction.
 _TERMS, _TURNING = (5, 3), (3, 2)
-#: Cells of the trace across the beam, m; along it they are four times as long.
-_STEP_M = 0.16
+#: Cells of the trace across the beam, m; along it they are four times as long. Where the array comes near a
+#: wall they are smaller, so small at least.
+_STEP_M, _FINEST_M = 0.16, 0.02
+#: So many cells lie between the light that is asked for and a wall, and at least beside the array.
+_FROM_WALLS, _FROM_WALLS_AT_LEAST = 2.5, 1.6
 #: Light is followed to so many half widths of the beam at least, and beyond the array.
 _HALF_WIDTHS = 1.2
 #: Room for the array beside its own reach, m: derivatives ask next to it.
 _ROOM_M = 0.05
+#: Part of a cell that is rounding.
+_ROUNDING = 1e-9
 #: Light and its ratios are at least this, and squared distances, m2: logarithms and quotients stay finite.
 _DARK, _NEAR_M2 = 1e-12, 1e-12
 #: Sets of places whose light is remembered: a pose asks for about ten, in five waters.
@@ -283,15 +289,25 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
     RenderError
         The array reaches into a wall.
     """
-    near, end = near_m - 0.5 * reach_m, far_m + reach_m
+    near, end, step = near_m - 0.5 * reach_m, far_m + reach_m, _STEP_M
     tangent = max((reach_m + _ROOM_M) / near_m, _HALF_WIDTHS * np.tan(np.radians(scene.lamp.hwhm_deg)))
     wide, aside = tangent * end, _aside(scene, end)
     if scene.tank is not None:
         (left, right), (low, high), (_, wall) = scene.tank.box_m
-        end = min(end, wall - 4 * _STEP_M)
-        wide = min(wide, min(-left, right, -low, high) - 2.5 * _STEP_M - aside)
+        free = min(-left, right, -low, high) - aside
+        step = min(step, (free - reach_m - _ROOM_M) / _FROM_WALLS_AT_LEAST)
+        if step < _FINEST_M:
+            needed = reach_m + _ROOM_M + _FROM_WALLS_AT_LEAST * _FINEST_M
+            raise RenderError(
+                "the array reaches into a wall", where="tank",
+                found=f"{free:.3g} m between the beam's axis and the nearest wall or surface",
+                rule=f"{needed:.3g} m, for the array reaches {reach_m:.3g} m",
+                remedy="a smaller array (array.size_m), or a wider tank",
+            )  # fmt: skip
+        end = min(end, wall - 4 * step)
+        wide = min(wide, free - _FROM_WALLS * step)
     wide = max(wide, reach_m + _ROOM_M)
-    region = Region(_STEP_M * np.floor((wide + aside) / _STEP_M), near, end, _STEP_M)
+    region = Region(step * np.floor((wide + aside) / step + _ROUNDING), near, end, step)
     field = traced_field(scene, region, photons=photons, reference=reference_for_others(scene))
     frame = Frame(near, end, tangent, region.half_width_m - aside)
     cells = _cells(scene, field.grid, field.response, frame)

@@ -10,7 +10,7 @@ import pytest
 from montecarlo import least_p
 from scipy.optimize import brentq
 
-from lightfield.errors import LightfieldError, MeasurementError, SceneError
+from lightfield.errors import LightfieldError, MeasurementError, RenderError, SceneError
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.flux.traced_field import Region, traced_field
@@ -171,6 +171,22 @@ def test_smooth_light_of_walls_alone_stays_by_the_direct_light() -> None:
     traced, noise = traced_field(base, Region(0.64, 1.4, 16.0), photons=4e5, seed=1).irradiance(place, normal)
     axis = light.reading(place * [0, 0, 1], np.tile([0, 0, -1.0], (5, 1)))
     assert np.all(np.abs(smooth - traced) < 3.5 * np.hypot(error, noise) + 0.003 * axis)
+
+
+def test_smooth_light_of_an_array_near_the_walls_is_in_finer_cells() -> None:
+    """15 cm between them: as a trace of its own. Nearer than the finest cells it is said to be too large."""
+    tank = {"width_m": 1.2, "depth_m": 1.0, "length_m": 4.0, "lamp_depth_m": 0.5, "wall_albedo": 0.3}
+    base = scene(lamp={"hwhm_deg": 10.0}, tank=tank, detector={"planes_m": [0.8, 2.5]})
+    light = smooth_light(base, 0.8, 2.5, 0.32, 4e5)
+    place = np.array([[0.0, 0.0, 0.8], [0.2, 0.1, 1.5], [0.0, -0.3, 2.0], [0.3, 0.0, 2.5]])
+    normal = np.tile([0.0, 0.0, -1.0], (4, 1))
+    smooth, error = light.irradiance(place, normal)
+    traced, noise = traced_field(base, Region(0.36, 0.7, 2.7, 0.06), photons=4e5, seed=1).irradiance(
+        place, normal
+    )
+    assert np.all(np.abs(smooth / traced - 1) < 3.5 * np.hypot(error, noise) / traced + 0.005)
+    with pytest.raises(RenderError, match=r"reaches into a wall.*0\.572 m"):
+        smooth_light(base, 0.8, 2.5, 0.49, 4e5)
 
 
 def test_smooth_light_of_dense_water_between_walls_in_clearer_water() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.fitting.beam_width import WIDTH
 
 #: Turns of the receiver, in degrees, from which a fit begins.
 _TURNS_DEG = (6.0, 12.0)
@@ -35,31 +36,33 @@ class Equivalence:
         The effect that they imitate.
     together : tuple of str
     starts : callable
-        From the scene values of a fit with `single`: coordinates by path, several of them.
+        From the scene values of a fit with `single`, and the half width of the beam, deg: coordinates by
+        path, several of them.
     """
 
     single: str
     together: tuple[str, ...]
-    starts: Callable[[Mapping[str, float]], list[dict[str, float]]]
+    starts: Callable[[Mapping[str, float], float], list[dict[str, float]]]
 
 
-def _turned_receiver(values: Mapping[str, float]) -> list[dict[str, float]]:
+def _turned_receiver(values: Mapping[str, float], h: float) -> list[dict[str, float]]:
     """A Gaussian acceptance of width A about an axis turned by t, times a Gaussian beam of width h0, is a
-    beam of width h that is tilted by -t (h / A)^2, where 1/h^2 = 1/h0^2 + 1/A^2."""
-    h, tilt = values["lamp.hwhm_deg"], values.get("lamp.tilt_x_deg", 0.0)
+    beam of width h that is tilted by -t (h / A)^2, where 1/h^2 = 1/h0^2 + 1/A^2.
+
+    The beam of a table keeps its width.
+    """
+    tilt = values.get("lamp.tilt_x_deg", 0.0)
     out = []
     for turn in _TURNS_DEG:
         square = turn * h**2 / max(abs(tilt), _LEAST_TILT_DEG)
         if square <= _WIDER * h**2:
             square = _MUCH_WIDER * h**2
         beam = 1 / np.sqrt(1 / h**2 - 1 / square)
-        out.append(
-            {
-                "lamp.hwhm_deg": float(np.log(beam)),
-                "detector.acceptance_hwhm_deg": _INVERSE_SQUARE / square,
-                "detector.tilt_x_deg": float(-tilt * square / h**2),
-            }
-        )
+        begin = {
+            "detector.acceptance_hwhm_deg": _INVERSE_SQUARE / square,
+            "detector.tilt_x_deg": float(-tilt * square / h**2),
+        }
+        out.append(begin | ({WIDTH: float(np.log(beam))} if WIDTH in values else {}))
     return out
 
 
@@ -104,5 +107,6 @@ def try_declared(pool: Pool, node: Node, candidate: Candidate) -> None:
         whole = (*rest, *new)
         found = {c.name for c in whole} >= set(line.together)
         if found and new and go_together(whole) and pool.affordable(whole):
-            known = fitted_at(node)
-            pool.fit(whole, [Begin(known | start) for start in line.starts(node.fit.values)])
+            known, values = fitted_at(node), node.fit.values
+            width = values[WIDTH] if WIDTH in values else pool.problem.forward.light.diffuse.width_deg
+            pool.fit(whole, [Begin(known | start) for start in line.starts(values, width)])
