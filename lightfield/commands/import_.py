@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 from lightfield.api.given import import_
 from lightfield.commands.shared.options import given
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     output_file(args.output, args.index)
     readings = import_(
         args.index,
-        column=dict(_column(text) for text in args.column),
+        column=_columns(args.column),
         band=[_band(text) for text in args.band],
         **given(args, *STATED),
     )
@@ -80,6 +81,18 @@ def run(args: argparse.Namespace) -> int:
         print(f"  note: {warning}")
     print(args.output)
     return 0
+
+
+def _columns(texts: Sequence[str]) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for meaning, name in map(_column, texts):
+        if meaning in found:
+            raise UsageError(
+                "two columns of one meaning", where="--column", found=f"{meaning}={found[meaning]}, {name}",
+                rule="one column for each meaning", remedy="leave one of them out",
+            )  # fmt: skip
+        found[meaning] = name
+    return found
 
 
 def _column(text: str) -> tuple[str, str]:

@@ -50,7 +50,9 @@ def run(args: argparse.Namespace) -> int:
     layout = read_table(args.layout, scene, LAYOUT)
     outputs_of(args, args.layout, args.scene, args.effects_file)
     if args.effects is None and (args.size or args.report):
-        raise UsageError("no effect is named", where="--size, --report", rule="with --effects A,B,...")
+        asked = [name for name in ("size", "report") if getattr(args, name)]
+        where = " and ".join(f"--{name}" for name in asked)
+        raise UsageError("no effect is named", where=where, rule="with --effects A,B,...")
     names = None if args.effects is None else effects_asked(args)
     sizes = dict(map(assignment, args.size))
     with progress_of("plan"):

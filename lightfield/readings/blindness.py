@@ -10,6 +10,8 @@ from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.other_units import unit_warnings
 from lightfield.readings.unchecked import Unchecked
 
+#: One of so many readings is among the brightest.
+_BRIGHTEST = 10
 #: Amplitude and attenuation take two of them, a third effect of distance leaves nothing to check.
 FEWEST_PLANES = 4
 
@@ -22,7 +24,7 @@ def load_warnings(readings: Unchecked) -> tuple[LoadWarning, ...]:
     if not water.any():
         water = np.ones(len(readings), dtype=bool)
     x, y, z = readings.x_m[water], readings.y_m[water], readings.z_m[water]
-    found = unit_warnings(readings)
+    found = [*unit_warnings(readings), *_of_errors(readings)]
     if readings.saturated.any():
         counts = {"saturated": int(readings.saturated.sum()), "readings": len(readings)}
         found.append(LoadWarning(Remarks.SATURATED, counts))
@@ -54,6 +56,14 @@ def load_warnings(readings: Unchecked) -> tuple[LoadWarning, ...]:
     if missing:
         found.append(LoadWarning(Remarks.NO_ERROR_BUDGET, {"terms": missing}))
     return tuple(found)
+
+
+def _of_errors(readings: Unchecked) -> list[LoadWarning]:
+    known = np.flatnonzero(np.isfinite(readings.stderr) & np.isfinite(readings.value))
+    size = np.abs(readings.value[known])
+    brightest = known[np.argsort(size)[-max(1, len(known) // _BRIGHTEST) :]]
+    large = readings.stderr[brightest] > np.abs(readings.value[brightest])
+    return [LoadWarning(Remarks.LARGE_ERRORS)] if len(known) and large.all() else []
 
 
 def _of_time(readings: Unchecked, water: NDArray[np.bool_]) -> list[LoadWarning]:

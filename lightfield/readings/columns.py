@@ -31,6 +31,8 @@ COLUMNS = (
     "visit",
     "saturated",
 )
+#: Places across the beam; a table without them is of the axis.
+ACROSS = ("x_m", "y_m")
 NUMBER_COLUMNS = tuple(name for name in COLUMNS if name not in TEXT_COLUMNS)
 # Entries of the head that lightfield uses: text, and the terms of the error budget.
 WORDS = ("quantity", "scale", "units")

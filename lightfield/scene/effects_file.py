@@ -7,6 +7,7 @@ import os
 from lightfield.errors import SceneError
 from lightfield.scene.listed import OWN_FIELD
 from lightfield.scene.scene import Scene
+from lightfield.storage import inputs
 
 
 def with_effects(scene: Scene, path: str | os.PathLike[str] | None) -> Scene:
@@ -24,15 +25,16 @@ def with_effects(scene: Scene, path: str | os.PathLike[str] | None) -> Scene:
     """
     if path is None:
         return scene
-    given = Scene.load(path)
-    others = sorted(given.model_fields_set - {OWN_FIELD})
-    if others or not given.effect:
+    empty = not inputs.read_bytes(path, inputs.EFFECTS).strip()
+    given = None if empty else Scene.load(path)
+    others = [] if given is None else sorted(given.model_fields_set - {OWN_FIELD})
+    if given is None or others or not given.effect:
         raise SceneError(
             "not a file of effects",
             where=os.fspath(path),
             found=", ".join(others) or "no effect",
             rule="[[effect]] tables and nothing else",
-            remedy="leave the rest to the scene",
+            remedy="leave the rest to the scene" if others else "docs/own_effects.md has an example",
         )
     own = {effect.name for effect in scene.effect}
     if twice := [effect.name for effect in given.effect if effect.name in own]:

@@ -146,7 +146,8 @@ def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -
     if kind == "missing":
         return f"{meaning} has no default", f"add {name}"
     if kind == "tuple_type":
-        return "a list of values", f"write {name} = [..., ...]: {meaning}"
+        inner = "[..., ...]" if keys[-1] == name else "[[..., ...]]"  # an item of a list of lists
+        return "a list of values", f"write {name} = {inner}: {meaning}"
     return _message(problem), f"correct it: {meaning}"
 
 

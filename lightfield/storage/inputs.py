@@ -36,6 +36,7 @@ class FileKind:
 
 
 SCENE = FileKind("scene", MEGABYTE, SceneError)
+EFFECTS = FileKind("file of effects", MEGABYTE, SceneError)
 PLAN = FileKind("sweep plan", 10 * MEGABYTE, UsageError)
 TABLE = FileKind("table of a scene", 10 * MEGABYTE, SceneError)
 LUMINAIRE = FileKind("luminaire file", 10 * MEGABYTE, SceneError)

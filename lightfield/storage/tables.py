@@ -133,10 +133,11 @@ def _read(
     if not problems and len(values) < 1 + ordered:
         problems.append("fewer than two rows" if ordered else "no row")
     if problems:
+        per_m = f" ({LARGEST_PER_M:g} per m)" if LARGEST_PER_M in largest else ""
         rule = (
             f"numbers up to {LARGEST:g}"
             if not ordered
-            else f"numbers from 0 to {LARGEST:g} ({LARGEST_PER_M:g} per m), first column rising"
+            else f"numbers from 0 to {LARGEST:g}{per_m}, first column rising"
         )
         raise SceneError(
             f"{len(problems)} bad line(s) in a table", where=path, rule=rule, remedy="correct the table",

@@ -272,7 +272,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("plan readings.csv --scene scene.toml --json folder", ["folder", "a file"]),
     # range
     ("range no.toml", ["no.toml", "No such file"]),
-    ("range open.toml --no-trace --share 2", ["impossible share", "found 2.0"]),
+    ("range open.toml --no-trace --share 2", ["share: impossible", "found 2.0"]),
     ("range open.toml --no-trace --array 1", ["impossible array"]),
     ("range open.toml --no-trace --to 3", ["no distances to compare", "from 4.5 m, the first of"]),
     ("range open.toml --no-trace --readings far.csv", ["far.csv", "positions in metres"]),
@@ -284,7 +284,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("field export open.toml", ["required: -o"]),
     ("ros open.toml --no-trace", ["no array"]),
     ("link no.toml", ["no.toml", "No such file"]),
-    ("link open.toml --ber 2", ["impossible ber", "found 2.0"]),
+    ("link open.toml --ber 2", ["ber: impossible", "found 2.0"]),
     ("link open.toml --area 0", ["impossible area_mm2"]),
     ("link open.toml --water ice", ["--water", "'ice'", "NAME=A,B"]),
     ("link open.toml --to 1", ["impossible distances", "from 4 m (the default of from_m) to 1 m"]),

@@ -56,6 +56,7 @@ def without_outliers(
     fit: Fit,
     usable: Array,
     by_effects: bool,
+    budget: Budget,
     more: Array | float = 0.0,
 ) -> Kept:
     problem = replace(problem, keep=usable)
@@ -73,16 +74,19 @@ def without_outliers(
         fit = problem.fit(explanation, whiten, [fit.u])
         whiten, basis = plain_of(problem, quoted, fit.prediction, more), None
     # A rich model that slips lead astray misses their neighbours too: what the fit itself meets is no slip.
-    met = np.abs(problem.value - fit.prediction) < _MET * whiten.noise.sigma
-    met &= (usable > 0) & (problem.keep == 0)
+    # So is what a place explains that the reading may have been taken at.
+    met = (usable > 0) & (problem.keep == 0)
+    if met.any():
+        beside_m = budget.position_m * budget.position_slope(problem.forward, fit.values)
+        met &= np.abs(problem.value - fit.prediction) < _MET * np.hypot(whiten.noise.sigma, beside_m)
     if met.any():
         problem, basis = replace(problem, keep=np.where(met, usable, problem.keep)), None
         fit = problem.fit(explanation, whiten, [fit.u])
     return Kept(problem, whiten, fit, basis if by_effects else None)
 
 
-def beside_base(problem: Problem, quoted: Array, by_effects: bool) -> Kept:
+def beside_base(problem: Problem, quoted: Array, by_effects: bool, budget: Budget) -> Kept:
     """Outliers judged beside the base model, and what effects would make of it (`by_effects`) or alone."""
     first = plain_of(problem, quoted, np.clip(problem.value, 0, None))
     base = problem.fit((), first, [problem.model().start])
-    return without_outliers(problem, quoted, (), base, problem.keep, by_effects)
+    return without_outliers(problem, quoted, (), base, problem.keep, by_effects, budget)

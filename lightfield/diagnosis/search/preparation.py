@@ -131,7 +131,7 @@ def prepare_problem(
     rich = _prepared(problem, quoted, budget, known)
     if rich.to_trace_per_m or _base_passes(rich, rng, alpha):
         return rich
-    alone = beside_base(problem, quoted, False)
+    alone = beside_base(problem, quoted, False, budget)
     kept, kept_by_rich = alone.problem.keep, rich.problem.keep
     if (kept == kept_by_rich).all() or kept.sum() < kept_by_rich.sum() - 1:
         return rich
@@ -159,7 +159,7 @@ def base_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> T
 def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[Fitted] = ()) -> Prepared:
     """Outliers judged beside the rich model."""
     usable, stated = problem.keep, errors_stated(quoted)
-    kept = beside_base(problem, quoted, True)
+    kept = beside_base(problem, quoted, True, budget)
     problem, whiten, base = kept[:3]
     law = _law(kept) if stated else None
     if law is not None:
@@ -175,7 +175,7 @@ def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[F
     own: Array = np.zeros_like(usable, float)
     if explanation:
         own = _own_error(problem, reference)
-        kept = without_outliers(problem, quoted, explanation, reference, usable, True, own)
+        kept = without_outliers(problem, quoted, explanation, reference, usable, True, budget, own)
     made = _errors_about(kept, explanation, base, own, budget, stated)
     return replace(made, known=described.known, to_trace_per_m=described.to_trace_per_m)
 
@@ -194,11 +194,11 @@ def prepare_about(
     """
     usable, stated = problem.keep, errors_stated(quoted)
     own = _own_error(problem, fit)
-    kept = without_outliers(problem, quoted, explanation, fit, usable, True, own)
+    kept = without_outliers(problem, quoted, explanation, fit, usable, True, budget, own)
     law = _law(kept) if stated else None
     if law is not None:
         again = replace(problem, keep=usable)
-        kept = without_outliers(again, law, explanation, fit, usable, True, own)
+        kept = without_outliers(again, law, explanation, fit, usable, True, budget, own)
     made = _errors_about(kept, explanation, kept.fit, own, budget, stated)
     return replace(made, doubted=law is not None)
 

@@ -261,7 +261,8 @@ def _in_bands(
             dark, spread = reduction.mean_and_error(means)
             error = 0.0 if np.isnan(spread) else spread
         near = (wavelength >= low) & (wavelength <= high)
-        out.append(BandValue(shot, (value - dark) / scale, error / scale, bool(saturated[near].any()), names))
+        lost, stated = bool(saturated[near].any()), shot.stated / scale
+        out.append(BandValue(shot, (value - dark) / scale, error / scale, stated, lost, names))
     return out
 
 

@@ -22,7 +22,7 @@ from lightfield.readings.text import read_text
 from lightfield.storage.inputs import READINGS
 
 PLACES = ("z_m", "x_m", "y_m", "time_s", "integration_time_s")
-MEANINGS = (*PLACES, "value", "medium", "role")
+MEANINGS = (*PLACES, "value", "stderr", "medium", "role")
 #: Where they are columns, no reading lacks them.
 NEEDED = ("z_m", "x_m", "y_m", "value")
 NAME = "table of places"
@@ -66,6 +66,14 @@ def read_places(
     problems.raise_any(UNUSABLE)
     units = {m: _unit(table, m, at[m], problems) for m in PLACES if m in at}
     numbers = {m: table.column(at[m], problems) * _factors(m).get(unit, 1.0) for m, unit in units.items()}
+    if "stderr" in at and "value" not in at:
+        problems.add(
+            "errors of no value",
+            found="stderr",
+            rule="one value and its stderr",
+            remedy="say which column is the value",
+        )
+    errors = table.column(at["stderr"], problems) if "stderr" in at else np.full(len(table.cells), np.nan)
     if "value" in at:
         spectra = _one_band(where, table, at["value"], bands_nm, problems)
         ignored = plain.unused(table, at.values())
@@ -103,7 +111,7 @@ def read_places(
                 problems.add("z_m is an impossible position", place=line, found=entry.z_m, rule="z_m > 0")
         if entry.role != "ignore" and k < len(spectra):
             spectrum = replace(spectra[k], ignored=ignored)
-            shots.append(Shot(entry, spectrum, entry.integration_time_s, entry.time_s))
+            shots.append(Shot(entry, spectrum, entry.integration_time_s, entry.time_s, float(errors[k])))
     taken = [
         LoadWarning(
             Remarks.UNIT_TAKEN, {"column": table.called(at[m]), "meaning": m, "unit": m.rpartition("_")[2]}

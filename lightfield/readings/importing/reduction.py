@@ -17,12 +17,19 @@ SAME_EXPOSURE = 1e-3  # relative; headers print three to seven digits
 
 @dataclass(frozen=True)
 class Shot:
-    """A spectrum with its line of the index, exposure and time settled."""
+    """A spectrum with its line of the index, exposure and time settled.
+
+    Parameters
+    ----------
+    stated : float
+        Standard error of its one number, in the same unit; NaN where none is stated.
+    """
 
     entry: Entry
     spectrum: Spectrum
     exposure_s: float
     time_s: float
+    stated: float = float("nan")
 
 
 def band_mean(wavelength_nm: Array, values: Array, low_nm: float, high_nm: float) -> float:

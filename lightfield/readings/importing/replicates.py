@@ -14,11 +14,18 @@ from lightfield.readings.importing.reduction import Shot
 
 @dataclass(frozen=True)
 class BandValue:
-    """What one spectrum gives in one band, before replicates are joined."""
+    """What one spectrum gives in one band, before replicates are joined.
+
+    Parameters
+    ----------
+    stated : float
+        Standard error that the file states of the value; NaN where it states none.
+    """
 
     shot: Shot
     value: float
     dark_error: float
+    stated: float
     saturated: bool
     darks: tuple[str, ...]
 
@@ -99,6 +106,9 @@ def _row(points: Sequence[BandValue], scatter: float, common: float) -> dict[str
     with np.errstate(over="ignore"):
         value = float(np.mean([p.value for p in points]))
         time_s = float(np.mean([shot.time_s for shot in shots]))
+    stated = np.array([p.stated for p in points])
+    if np.isfinite(stated).all():
+        scatter = float(np.sqrt(np.mean(stated**2)))
     # The dark's own error is common to the replicates, so averaging does not lessen it.
     stderr = np.hypot(scatter / np.sqrt(len(points)), max(p.dark_error for p in points))
     shared = 100 * common / np.sqrt(len(points)) / abs(value) if common > 0 and value else np.nan

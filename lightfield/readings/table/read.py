@@ -16,6 +16,7 @@ from lightfield.readings import text
 from lightfield.readings.blindness import load_warnings
 from lightfield.readings.checks import against_scene, check_values
 from lightfield.readings.columns import (
+    ACROSS,
     COLUMNS,
     DEFAULTS,
     NUMBER_COLUMNS,
@@ -167,6 +168,8 @@ def _settle_words(sheet: Sheet, head: dict[str, Any], problems: Problems) -> Non
 def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dict[str, Any], list[int]]:
     place = {name: c for c, name in reversed(list(enumerate(sheet.names)))}
     good: list[tuple[int, list[str], dict[str, Any]]] = []
+    # Nothing at all across the beam is on the axis; nothing in one row among others is a gap.
+    told = {name for name in ACROSS if name in place and any(c[place[name]].strip() for _, c in sheet.rows)}
     for line, cells in sheet.rows:
         row: dict[str, Any] = {}
         for name in COLUMNS:
@@ -175,7 +178,7 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
                 continue
             cell = cells[place[name]].strip()
             try:
-                row[name] = _value(name, cell, sheet.mark)
+                row[name] = _value(name, cell, sheet.mark, name in told)
             except ValueError as error:
                 problems.add(f"{name} {error}", place=line, found=cell, remedy=_remedy(name), column=name)
                 row[name] = DEFAULTS[name] if name in TEXT_COLUMNS else np.nan  # the others are still checked
@@ -191,11 +194,11 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
     return columns, {name: extra[name] for name in sheet.names if name in extra}, [line for line, *_ in good]
 
 
-def _value(name: str, cell: str, mark: str) -> Any:
+def _value(name: str, cell: str, mark: str, told: bool) -> Any:
     if name in TEXT_COLUMNS:
         return cell or DEFAULTS[name]
     if cell == "":
-        if name in REQUIRED:
+        if name in REQUIRED or told:
             raise ValueError("is missing")
         return DEFAULTS.get(name, np.nan)
     if name == "saturated":
@@ -206,9 +209,10 @@ def _value(name: str, cell: str, mark: str) -> Any:
 
 
 def _remedy(name: str) -> str:
-    return (
-        "correct it, or remove the row" if name in REQUIRED else "correct it, or leave it blank for not known"
-    )
+    if name in ACROSS:
+        return "write 0 for the axis, or remove the row"
+    known = name in REQUIRED
+    return "correct it, or remove the row" if known else "correct it, or leave it blank for not known"
 
 
 def _file_warnings(sheet: Sheet, head: dict[str, Any]) -> list[LoadWarning]:

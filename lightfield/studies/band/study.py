@@ -138,7 +138,10 @@ class CountNoise:
         ):  # fmt: skip
             if not low <= getattr(self, name) <= high:
                 raise UsageError(
-                    f"impossible noise: {name}", found=getattr(self, name), rule=f"{low:g} to {high:g}{unit}"
+                    "impossible noise",
+                    where=name,
+                    found=getattr(self, name),
+                    rule=f"{low:g} to {high:g}{unit}",
                 )
 
     def signal_to_noise(self, count: Array) -> Array:
@@ -189,7 +192,8 @@ def best_band(
         )
     if not (0 < low_nm < high_nm < np.inf and STEP_NM <= width_nm <= high_nm - low_nm):
         raise UsageError(
-            "impossible bands", found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
+            "impossible bands", where="width and range of the bands",
+            found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
             rule=f"at least {STEP_NM:g} nm wide, and no wider than the range they lie in",
         )  # fmt: skip
     first, last = min(low_nm, PAPER_BAND[0]), max(high_nm, PAPER_BAND[1])

@@ -60,9 +60,11 @@ class Receiver:
         for name, (low, high, unit) in RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
-                raise UsageError(f"impossible {name}", found=value, rule=f"{low:g} to {high:g} {unit}")
+                raise UsageError(
+                    "impossible number", where=name, found=value, rule=f"{low:g} to {high:g} {unit}"
+                )
         if not 0 < self.ber < 0.5:
-            raise UsageError("impossible ber", found=self.ber, rule="above 0, below 0.5")
+            raise UsageError("impossible number", where="ber", found=self.ber, rule="above 0, below 0.5")
 
     def q(self, power_w: Array, eye: Array | float = 1.0) -> Array:
         """Q of received power, W; `eye` is the part of the swing that neighbouring bits leave."""

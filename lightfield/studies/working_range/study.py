@@ -311,4 +311,6 @@ def _planes(scene: Scene, last: float) -> Array:
 def _check(**numbers: tuple[float, float, float]) -> None:
     for name, (value, low, high) in numbers.items():
         if not low < value < high:
-            raise UsageError(f"impossible {name}", found=value, rule=f"above {low:g}, below {high:g}")
+            raise UsageError(
+                "impossible number", where=name, found=value, rule=f"above {low:g}, below {high:g}"
+            )

@@ -122,6 +122,15 @@ def test_numbers_that_are_hardly_in_metres_and_seconds_are_warned_of(given, code
     assert found == ([] if code is None else [code])
 
 
+@pytest.mark.parametrize(("value", "stderr", "warned"), [(1.0, 0.01, False), (0.01, 1.0, True)])
+def test_errors_larger_than_all_light_are_warned_of(value: float, stderr: float, warned: bool) -> None:
+    """Dark places may have larger errors than light; the brightest have not, unless columns are exchanged."""
+    z = np.linspace(2, 8, 30)
+    light = np.where(np.arange(30) % 3, 1e-6, value / z**2)
+    table = Readings.from_arrays(z_m=z, value=light, stderr=np.full(30, stderr))
+    assert any(w.code is Remarks.LARGE_ERRORS for w in table.warnings) is warned
+
+
 def decibels(values) -> Readings:
     table = Readings.from_arrays(z_m=np.arange(1.0, 1.0 + len(values)), value=values)
     return table.check_against(scene(tank=None))

@@ -243,6 +243,18 @@ def test_a_table_of_ones_own_says_all_that_is_wrong_and_what_it_leaves_aside(tmp
         import_index(path, **asked)
 
 
+def test_standard_errors_of_a_table_of_ones_own_are_taken_over(tmp_path):
+    """Of repeats in a row the error of their mean; what is stated counts, not how two of them scatter."""
+    path = written(tmp_path, "z,light,sd,\n1,5.0,0.2,\n1,5.1,0.4,\n2,4,0.3,\n")
+    columns = {"z_m": "z", "value": "light", "stderr": "sd"}
+    asked = dict(quantity="irradiance", units="relative", bands_nm=[(500.0, 550.0)])
+    found = import_index(path, **asked, columns=columns)
+    assert found.value.tolist() == pytest.approx([5.05, 4.0])
+    assert found.stderr.tolist() == pytest.approx([np.hypot(0.2, 0.4) / 2, 0.3])
+    with pytest.raises(MeasurementError, match="errors of no value"):
+        import_index(path, **asked, columns={"z_m": "z", "stderr": "sd"})
+
+
 SEEMS = {
     "old.xls": (b"\xd0\xcf\x11\xe0" + bytes(50), "Excel"),
     "new.xlsx": (b"PK\x03\x04" + bytes(26) + b"[Content_Types].xml", "Excel"),

@@ -142,6 +142,7 @@ BAD = {
     "nor is its error": ("z_m,value,stderr\n1,2,1e300\n", "line 2", "too large for light"),
     "nan stderr": ("z_m,value,stderr\n1,2,nan\n", "line 2", "leave it blank"),
     "blank value": ("z_m,value,x_m\n1,,3\n", "line 2", "value is missing"),
+    "blank place": ("z_m,value,x_m\n1,2,3\n1,2,\n", "line 3", "x_m is missing"),
     "text": ("z_m,value\n1,two\n", "line 2", "not a number"),
     "underscore": ("z_m,value\n1,1_0\n", "line 2", "not a number"),
     "other digits": ("z_m,value\n1,٣\n", "line 2", "not a number"),

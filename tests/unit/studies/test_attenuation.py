@@ -119,8 +119,8 @@ def test_what_it_says_of_its_errors_is_how_it_errs() -> None:
 
 @pytest.mark.parametrize("in_air", [True, False])
 def test_readings_beside_the_beam_know_that_they_stand_beside_their_place(in_air: bool) -> None:
-    """2 mm along and across a beam whose light falls by 10 to 40 % in 5 cm: chi-square and K as stated over 100
-    experiments. Were places exact, chi-square would be many times its degrees of freedom."""
+    """2 mm along and across a beam whose light falls by 10 to 40 % in 5 cm: chi-square and K are as stated
+    over 100 experiments. Were places exact, chi-square would be many times its degrees of freedom."""
     lamp, off_m = scene(hwhm_deg=9.0), 0.002
     places = [(x, z, air) for z in (0.7, 1.1, 1.5, 1.9, 2.4) for x in (-0.1, 0.0, 0.1, 0.2) for air in (0, 1)]
     x, z, air = (np.repeat(v, len(COLOURS)) for v in np.array([p for p in places if in_air or not p[2]]).T)

@@ -108,5 +108,5 @@ def try_declared(pool: Pool, node: Node, candidate: Candidate) -> None:
         found = {c.name for c in whole} >= set(line.together)
         if found and new and go_together(whole) and pool.affordable(whole):
             known, values = fitted_at(node), node.fit.values
-            width = values[WIDTH] if WIDTH in values else pool.problem.forward.light.diffuse.width_deg
+            width = values.get(WIDTH, pool.problem.forward.light.diffuse.width_deg)
             pool.fit(whole, [Begin(known | start) for start in line.starts(values, width)])
