@@ -225,7 +225,7 @@ def test_a_reading_that_the_fit_meets_is_not_set_aside(monkeypatch) -> None:
 @pytest.mark.parametrize("seed", [1, 6, 7])
 def test_what_stands_a_millimetre_beside_its_place_is_no_slip(seed: int) -> None:
     """Near a narrow beam light falls by a per cent in a millimetre, thrice the error of a reading: such
-    readings were set aside though they were met within their errors, and what was left scattered too little."""
+    readings were set aside though they were met within their errors, and the rest scattered too little."""
     rng = np.random.default_rng(seed)
     planes = (0.7, 1.1, 1.5, 1.9, 2.4)
     places = [(x, 0.0, z) for z in planes for x in np.linspace(-0.35, 0.35, 15)]
