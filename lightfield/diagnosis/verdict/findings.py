@@ -33,7 +33,9 @@ class Findings(Record):
     asked: list[str] = Field(
         default_factory=list, description="the only effects that were considered; none: all that are known"
     )
-    explanations: list[AcceptedExplanation] = Field(description="all accepted smallest sets, best first")
+    explanations: list[AcceptedExplanation] = Field(
+        description="all accepted smallest sets, best first; then what misses the test narrowly for less"
+    )
     found: list[FoundEffect] = Field(
         default_factory=list, description="every effect of the best set, whatever the verdict"
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from lightfield.errors import MeasurementError, RenderError, SceneError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.progress import step
@@ -72,6 +74,23 @@ class Attenuation:
     notes: tuple[Remark, ...]
 
 
+def _refuse_twice(tables: Sequence[Readings]) -> None:
+    """The same numbers once more are no second receiver: they would count twice."""
+    seen: dict[bytes, Readings] = {}
+    for table in tables:
+        other = seen.setdefault(_numbers(table), table)
+        if other is not table or sum(one is table for one in tables) > 1:
+            raise MeasurementError(
+                "the same readings twice", where=table.source or None, found=other.source or "one table",
+                rule="a table of its own for each receiver", remedy="leave one of them out",
+            )  # fmt: skip
+
+
+def _numbers(table: Readings) -> bytes:
+    names = ("x_m", "y_m", "z_m", "wavelength_nm", "value")
+    return b"".join(np.asarray(getattr(table, name), float).tobytes() for name in names)
+
+
 def attenuation(
     readings: Readings | Sequence[Readings],
     scenes: Scene | Sequence[Scene],
@@ -108,6 +127,7 @@ def attenuation(
             rule="one scene for each table, in the same order, or one for all",
             remedy="name the scene of each receiver",
         )
+    _refuse_twice(tables)
     ratios = [ratios_of(table, scene, in_air) for table, scene in zip(tables, given, strict=True)]
     same_water(ratios)
     apparent = tuple(apparent_attenuation(r) for r in ratios)

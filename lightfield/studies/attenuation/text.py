@@ -118,7 +118,7 @@ def scattered_sentences(found: Scattered) -> list[str]:
         lines.append(
             f"At {colour} a = {found.a[k]:.4f} ± {found.a_stderr[k]:.4f} per m and b = {found.b[k]:.4f} ± "
             f"{found.b_stderr[k]:.4f} per m: this layout parts absorption from scattering. "
-            f"{100 * low:.0f} to {100 * high:.0f} % of the light there had been scattered or reflected."
+            f"{round(100 * low)} to {round(100 * high)} % of the light there had been scattered or reflected."
         )
     else:
         lines += [
@@ -126,9 +126,9 @@ def scattered_sentences(found: Scattered) -> list[str]:
             f"At {colour} it tells a + {kappa:.2f} b = {found.combined[k]:.4f} ± "
             f"{found.combined_stderr[k]:.4f} per m, with b anywhere up to {found.largest_b:.2g} per m. "
             f"Without scattering a would be {found.absorption_alone[k]:.4f} per m.",
-            f"If b is {found.b[k]:.3f} per m there, {100 * low:.0f} to {100 * high:.0f} % of the light that "
-            "arrives had been scattered or reflected. A second receiver that sees less of it (a collimator), "
-            "or readings beside the beam, would part the two.",
+            f"If b is {found.b[k]:.3f} per m there, {round(100 * low)} to {round(100 * high)} % of the light "
+            "that arrives had been scattered or reflected. A second receiver that sees less of it (a "
+            "collimator), or readings beside the beam, would part the two.",
         ]
     if found.misfit_p <= POOR_FIT:
         lines.append(

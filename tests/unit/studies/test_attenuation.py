@@ -211,6 +211,12 @@ def test_water_and_air_exchanged_are_suspected() -> None:
     assert not [note for note in attenuation(whole, scene()).notes if note.studied is Studied.GROWS]
 
 
+def test_one_table_is_no_two_receivers() -> None:
+    for first, second in ((table(scene()), table(scene())), (table(scene()),) * 2):
+        with pytest.raises(MeasurementError, match="the same readings twice"):
+            attenuation([first, second], scene())
+
+
 def test_repeats_give_the_error_that_the_table_does_not_state() -> None:
     whole, rng = table(scene()), np.random.default_rng(2)
     five = {k: np.repeat(getattr(whole, k), 5) for k in ("z_m", "value", "medium", "wavelength_nm")}
