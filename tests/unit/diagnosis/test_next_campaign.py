@@ -25,7 +25,13 @@ def ring(theta_deg):
     return np.exp2(-((theta_deg / 11) ** 2)) * hole + 0.03 * np.exp2(-((theta_deg / 25) ** 2))
 
 
-def read(seed: int, background: float = 0.0, aside_m: float = 0.0, power_per_hour: float = 0.0) -> Readings:
+def read(
+    seed: int,
+    background: float = 0.0,
+    aside_m: float = 0.0,
+    power_per_hour: float = 0.0,
+    turned_deg: float = 0.0,
+) -> Readings:
     """By formulas of their own: c = 0.095 per m, errors of 0.4 %, a reading every 40 s in disorder."""
     rng = np.random.default_rng(seed)
     places = [(x, 0.0, z) for z in PLANES_M for x in np.linspace(-0.8, 0.8, 17)]
@@ -33,7 +39,9 @@ def read(seed: int, background: float = 0.0, aside_m: float = 0.0, power_per_hou
     x, y, z = np.array(places)[rng.permutation(len(places))].T
     time = 40.0 * np.arange(len(x))
     r = np.sqrt((x - aside_m) ** 2 + y**2 + z**2)
-    light = ring(np.degrees(np.arccos(z / r))) * z / r**3 * np.exp(-0.095 * r)
+    turn = np.radians(turned_deg)
+    along = ((x - aside_m) * np.sin(turn) + z * np.cos(turn)) / r
+    light = ring(np.degrees(np.arccos(along))) * z / r**3 * np.exp(-0.095 * r)
     brightest = ring(0.0) / 1.5**2 * np.exp(-0.095 * 1.5)
     value = light / brightest * (1 + power_per_hour * time / 3600) + background
     sigma = 0.004 * value
@@ -62,3 +70,18 @@ def test_errors_of_a_fitted_lamp_are_no_effects_of_the_next_campaign(seed: int, 
     for path, true in (("water.absorption_per_m", 0.095), ("lamp.drift_per_hour", -0.04)):
         found = verdict.ladder[-1].parameters[path]
         assert abs(found.value - true) < 3 * found.stderr, path
+
+
+@pytest.mark.parametrize("turned_deg", [0.6, -1.5])
+def test_a_lamp_of_a_table_is_found_to_be_tilted(turned_deg: float, tmp_path: Path) -> None:
+    """What else would do is sought for it as for a beam with a width of its own."""
+    angle = np.linspace(0, 60, 601)
+    rows = [f"{at:.2f},{value:.8f}" for at, value in zip(angle, ring(angle), strict=True)]
+    (tmp_path / "lamp.csv").write_text("\n".join(["angle_deg,intensity", *rows]) + "\n", encoding="utf-8")
+    lamp = {"profile": "table", "intensity_table": str(tmp_path / "lamp.csv")}
+    verdict = diagnose(
+        read(1, turned_deg=turned_deg), Scene.from_dict({**SCENE, "lamp": lamp}), diffuse=None, advise=False
+    ).verdict
+    assert (verdict.verdict, verdict.effects) == ("identified", ["beam_tilt"])
+    found = verdict.ladder[-1].parameters["lamp.tilt_x_deg"]
+    assert abs(found.value - turned_deg) < 3 * found.stderr < 0.1

@@ -31,7 +31,7 @@ def test_the_scale_of_the_noise_is_that_of_the_errors_sets_are_judged_under(erro
     prepared, one = made.prepared(problem), tuple(c for c in problem.candidates if c.name == "odd")
     before = Whitener(replace(prepared.noise, sigma=errors * prepared.noise.sigma))
     found = Node(one, problem.fit(one, before, [problem.default_start(problem.model().start, one)]))
-    bench, ground = pooled._ground(prepared, 0.0, np.random.default_rng(0), found)
+    bench, ground = pooled.ground_about(prepared, 0.0, np.random.default_rng(0), found)
     same = problem.fit(one, bench.whiten, [found.fit.u])
     assert ground.phi == pytest.approx(bench.test(same).phi, rel=1e-3)
 

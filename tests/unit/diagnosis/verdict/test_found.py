@@ -137,8 +137,9 @@ def test_a_turned_narrow_receiver_is_a_tilted_beam() -> None:
     tilted = {"lamp.hwhm_deg": 4.0, "lamp.tilt_x_deg": 0.5}
     forward = SceneForward(believed, table)
     expected = forward.predict(tilted)
-    starts = list(line.starts(tilted))
+    starts = list(line.starts(tilted, tilted["lamp.hwhm_deg"]))
     assert starts
+    assert all("lamp.hwhm_deg" not in start for start in line.starts({"lamp.tilt_x_deg": 0.5}, 4.0))
     for start in starts:
         turned = forward.predict(
             {
