@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lightfield.diagnosis.problem.local_unknowns import with_unknowns
+from lightfield.diagnosis.problem.local_unknowns import left_by_a_ripple, with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
@@ -245,10 +245,28 @@ def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress)
     more = _beyond_two(inquiry, known, known.prepared, progress, leaves(_PROMISES))
     many = more.finding.many
     if many is None or many.at_first_sight:
-        return known
+        return _beside_a_ripple(inquiry, known, scale, progress) or known
     if variance_scale(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
         return known
     return more if more.finding.accepted else _beside_unknowns(inquiry, more, progress) or more
+
+
+def _beside_a_ripple(
+    inquiry: Inquiry, known: Knowledge, scale: float, progress: Progress
+) -> Knowledge | None:
+    """What explains the readings beside a ripple of the lamp's power in time that was taken for their noise:
+    one that follows another looks like errors that go together."""
+    prepared, best = known.prepared, known.finding.best
+    if best is None:
+        return None
+    problem, sigma = prepared.problem, prepared.noise.sigma
+    off, light = (problem.value - best.fit.prediction) / sigma, best.fit.prediction / sigma
+    if left_by_a_ripple(problem.layout, off, light, problem.keep) >= _MENDS:
+        return None
+    beside = _beside_unknowns(inquiry, known, progress)
+    if beside is None or variance_scale(beside.prepared, beside.finding) >= _MENDS * scale:
+        return None
+    return beside
 
 
 def _beyond_two(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lightfield.diagnosis.problem.local_unknowns import finely
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.fitting import effects
 from lightfield.fitting.effects.local import local_unknowns
@@ -21,7 +22,7 @@ def fitted_alone(table: Readings, believed: Scene, name: str) -> tuple[Fit, Fit]
     table = replace(table, stderr=stderr)
     scene = believed.with_values({"effect": local_unknowns(table)})
     problem, _ = problem_of(SceneForward(scene, table), table, [effects.all_of(scene)[name]], None)
-    (one,) = problem.candidates
+    one = finely(*problem.candidates)
 
     def whiten(columns: np.ndarray) -> np.ndarray:
         return (columns.T / stderr).T

@@ -9,8 +9,9 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
+from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.fitting.effects.local import local_unknowns
+from lightfield.fitting.effects.local import local_unknowns, ripple_periods_s
 from lightfield.fitting.effects.own import effects_of
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
@@ -19,6 +20,8 @@ from lightfield.readings import Readings
 _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
 #: Two ripples that differ by so many cycles over all angles are as far from each other as their phases are.
 _CYCLES_APART = 0.5
+#: Keeps the equations of a ripple that no reading sees solvable.
+_TINY = 1e-300
 
 
 def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explanation]:
@@ -40,10 +43,33 @@ def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explan
         if effect.name in names
     ]
     possible, _ = candidates(setting, mine, [p.path for p in problem.base])
-    return replace(problem, forward=forward), tuple(map(_finely, possible))
+    return replace(problem, forward=forward), tuple(map(finely, possible))
 
 
-def _finely(candidate: Candidate) -> Candidate:
+def left_by_a_ripple(layout: Layout, misfit: Array, prediction: Array, keep: Array) -> float:
+    """Part of a misfit that the best ripple of the lamp's power in time leaves; 1 where none shows.
+
+    Linear least squares of two amplitudes at every period.
+
+    Parameters
+    ----------
+    misfit, prediction : array, shape (n,)
+        In units of the readings' errors.
+    """
+    ends = ripple_periods_s(layout.time_s) if layout.has_time else None
+    total = float(((keep * misfit) ** 2).sum())
+    if ends is None or total == 0:
+        return 1.0
+    span = float(np.ptp(layout.time_s))
+    cycles = np.arange(span / ends[1], span / ends[0], _CYCLES_APART)
+    phase = 2 * np.pi * cycles[:, None] * layout.time_s / span
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1) * (keep * prediction)
+    gram, drawn = waves @ waves.transpose(0, 2, 1), waves @ (keep * misfit)
+    taken = np.einsum("ki,ki->k", drawn, np.linalg.solve(gram + _TINY * np.eye(2), drawn[..., None])[..., 0])
+    return 1 - float(taken.max()) / total
+
+
+def finely(candidate: Candidate) -> Candidate:
     """With starts as near to each other as a narrow structure needs."""
     points = product(*map(_starts, candidate.shapes))
     return replace(candidate, grid=tuple(tuple(map(float, at)) for at in points))

@@ -240,6 +240,7 @@ class Misfit(Record):
         description="where along it the readings depart most, in m, degrees, minutes or nm"
     )
     period_deg: float | None = Field(None, description="of a misfit that is periodic in the angle")
+    period_s: float | None = Field(None, description="of a misfit that is periodic in time")
     like: str | None = Field(None, description="local unknown that describes it best, if one does")
 
 

@@ -1,4 +1,5 @@
-"""Local unknowns: a dip across the beam, a plume, a step in time, ripples over the angle; few numbers each.
+"""Local unknowns: a dip across the beam, a plume, a step or a ripple in time, ripples over the angle; few
+numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
 They are effects of the user's own, ready to be tested, renamed and made better. The shadow of a strut that
@@ -28,6 +29,9 @@ _EDGE_M = 0.1
 _BEFORE = 3.0
 #: What takes so little of the time between two readings is sudden: shorter times are all alike.
 _SUDDEN = 0.02
+#: A ripple in time has so many readings in a period, and so many periods, at least; and no more than these.
+#: Chosen: what is slower is a drift.
+_IN_A_PERIOD, _FEWEST_PERIODS, _MOST_PERIODS = 3.0, 2.0, 100.0
 
 
 def local_unknowns(readings: Readings) -> tuple[OwnEffect, ...]:
@@ -68,6 +72,12 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             physics="All light changes from one level to another while the scan runs.",
             laboratory="Repeat a reference position every few minutes; ask what was switched then.",
         )
+        if periods_s := ripple_periods_s(time):
+            yield _ripple(
+                "ripple_in_time", "source", "time", "s", periods_s,
+                physics="The lamp's power, and all light with it, swings: a supply or a thermostat.",
+                laboratory="Watch one receiver that stands still for some minutes, or the lamp's voltage.",
+            )  # fmt: skip
     if (planes := np.unique(np.round(readings.z_m, 3))).size > 2:
         near, far = float(planes[0]) - _BEFORE * _EDGE_M, float(planes[-2])
         x = np.asarray(readings.x_m, float)
@@ -91,12 +101,13 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
     theta = np.degrees(np.arctan2(np.hypot(readings.x_m, readings.y_m), readings.z_m))
     if (widest := float(theta.max())) > 0:
         yield _ripple(
-            "ripple_over_angle", "source", "theta", widest,
+            "ripple_over_angle", "source", "theta", "deg", (widest / 20, widest),
             physics="Rings of the lamp's optics: its intensity ripples over the angle from its axis.",
             laboratory="Measure the lamp in air at one range with a fine angular step.",
         )  # fmt: skip
         yield _ripple(
-            "ripple_at_receiver", "receiver", "(180/pi)*atan(sqrt(x**2 + y**2)/z)", widest,
+            "ripple_at_receiver", "receiver", "(180/pi)*atan(sqrt(x**2 + y**2)/z)", "deg",
+            (widest / 20, widest),
             physics="Interference in the receiver's window: what is read ripples over the angle of arrival.",
             laboratory="Turn the receiver by some degrees, read again at one place: the ripple turns too.",
         )  # fmt: skip
@@ -105,22 +116,35 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
 #: Along what each of them is drawn.
 ALONG = {
     "dip_in_x": "x", "dip_in_y": "y", "plume": "x", "step_in_time": "time", "ripple_over_angle": "angle",
-    "ripple_at_receiver": "angle",
+    "ripple_at_receiver": "angle", "ripple_in_time": "time",
 }  # fmt: skip
 
 
+def ripple_periods_s(time_s: Array) -> tuple[float, float] | None:
+    """Shortest and longest period of a ripple that readings at these times show, s; None: none."""
+    span = float(np.ptp(time_s)) if np.isfinite(time_s).all() else 0.0
+    most = min(len(np.unique(time_s)) / _IN_A_PERIOD, _MOST_PERIODS)
+    return (span / most, span / _FEWEST_PERIODS) if span > 0 and most > _FEWEST_PERIODS else None
+
+
 def _ripple(
-    name: str, stage: Stage, angle: str, widest_deg: float, physics: str, laboratory: str
+    name: str,
+    stage: Stage,
+    along: str,
+    unit: str,
+    periods: tuple[float, float],
+    physics: str,
+    laboratory: str,
 ) -> OwnEffect:
     return OwnEffect(
         name=name,
         family=FAMILY,
         stage=stage,
-        formula=f"1 + a*cos(2*pi*{angle}/period) + b*sin(2*pi*{angle}/period)",
+        formula=f"1 + a*cos(2*pi*{along}/period) + b*sin(2*pi*{along}/period)",
         parameters={
             "a": _size(0.4),
             "b": _size(0.4),
-            "period": _between("deg", widest_deg / 20, widest_deg, "of the ripple"),
+            "period": _between(unit, *periods, "of the ripple"),
         },
         physics=physics,
         laboratory=laboratory,

@@ -10,6 +10,8 @@ from analytic_readings import readings
 from scipy import special
 
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.local_unknowns import left_by_a_ripple
 from lightfield.readings import Readings
 
 BACKGROUND, OFFSET_M = 0.01, 0.04
@@ -108,3 +110,43 @@ def test_the_curve_of_the_rest_is_as_sure_as_the_readings_make_it(found: Diagnos
     inside = np.abs(at - PLACE_M) < 2 * WIDTH_M
     pull = (factor - true)[inside] / error[inside]
     assert (np.abs(pull) < 4).all() and error[inside].max() < 0.1 * DEPTH
+
+
+#: A supply that swings by 3 % in seven minutes.
+SWING, PERIOD_S = 0.03, 420.0
+
+
+def test_a_lamp_that_swings_in_time_is_no_noise() -> None:
+    """Fourteen readings a period look like errors that go together: once "background and lamp size, or
+    background and beam ellipticity", at 2.6 times the stated errors."""
+
+    def swing(table: Readings) -> np.ndarray:
+        return np.asarray(1 + SWING * np.sin(2 * np.pi * table.time_s / PERIOD_S))
+
+    table, believed = readings({"detector.background": BACKGROUND}, factor=swing, seed=4)
+    verdict = diagnose(table, believed, diffuse=None, only=ASKED, advise=False).verdict
+    assert (verdict.verdict, verdict.best_set, verdict.partial) == ("unexplained", *[["background"]] * 2)
+    best = verdict.left_over[0]
+    for name, true in (("a", 0.0), ("b", SWING), ("period", PERIOD_S)):
+        assert abs(best.parameters[name].value - true) < 4 * best.parameters[name].stderr, name
+    assert best.name == "ripple_in_time" and best.adequate
+    assert verdict.misfit is not None and verdict.misfit.period_s == pytest.approx(PERIOD_S, rel=0.02)
+    size = verdict.ladder[1].parameters["detector.background"]
+    assert abs(size.value - BACKGROUND) < 4 * size.stderr
+
+
+@pytest.mark.parametrize("serial", [0.0, 0.5])
+def test_noise_leaves_nearly_all_beside_a_ripple(serial: float) -> None:
+    """Also such that goes together from reading to reading; a swing of twice the noise leaves a fifth."""
+    layout, rng = layout_of(readings(seed=1)[0]), np.random.default_rng(0)
+    light, keep = np.full(layout.size, 100.0), np.ones(layout.size)
+    order = np.argsort(layout.time_s)
+    left = []
+    for _ in range(200):
+        noise = rng.standard_normal(layout.size)
+        for now, before in zip(order[1:], order[:-1], strict=True):
+            noise[now] = serial * noise[before] + np.sqrt(1 - serial**2) * noise[now]
+        left.append(left_by_a_ripple(layout, noise, light, keep))
+    assert min(left) > 0.65
+    swing = 2 * np.sqrt(2) * np.sin(2 * np.pi * layout.time_s / PERIOD_S)
+    assert left_by_a_ripple(layout, noise + swing, light, keep) == pytest.approx(0.2, abs=0.1)

@@ -87,6 +87,10 @@ def jump(table: Readings) -> np.ndarray:
     return np.asarray(np.where(table.time_s > 0.6 * table.time_s.max(), 0.93, 1.0))
 
 
+def hum(table: Readings) -> np.ndarray:
+    return np.asarray(1 + 0.03 * np.sin(2 * np.pi * table.time_s / 420.0))
+
+
 def rings(table: Readings) -> np.ndarray:
     theta = np.degrees(np.arctan2(np.hypot(table.x_m, table.y_m), table.z_m))
     return np.asarray(1 + 0.04 * np.sin(2 * np.pi * theta / 1.7 + 0.4))
@@ -97,6 +101,7 @@ def rings(table: Readings) -> np.ndarray:
     [
         (shade, "dip_in_x", {"depth": DEPTH, "x0": PLACE_M, "width": WIDTH_M}),
         (jump, "step_in_time", {"size": -0.07}),
+        (hum, "ripple_in_time", {"a": 0.0, "b": 0.03, "period": 420.0}),
         (rings, "ripple_over_angle", {"a": 0.04 * np.sin(0.4), "b": 0.04 * np.cos(0.4), "period": 1.7}),
         (rings, "ripple_at_receiver", {"a": 0.04 * np.sin(0.4), "b": 0.04 * np.cos(0.4), "period": 1.7}),
     ],
@@ -114,7 +119,9 @@ def test_local_unknowns_are_found_where_they_are(hidden, name: str, true: dict[s
 
 
 #: Of readings along x at several distances, with times.
-NAMES = ["dip_in_x", "step_in_time", "plume", "ripple_over_angle", "ripple_at_receiver"]
+NAMES = [
+    "dip_in_x", "step_in_time", "ripple_in_time", "plume", "ripple_over_angle", "ripple_at_receiver",
+]  # fmt: skip
 
 
 def test_local_unknowns_are_those_that_readings_can_tell_of() -> None:

@@ -25,13 +25,15 @@ from lightfield.diagnosis.search.preparation import Prepared, whitened_test
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, percent
-from lightfield.diagnosis.verdict.parts import LeftOver
+from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.effects.local import ALONG
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.readings import Readings
 from lightfield.scene.own.own_effect import OwnEffect, Places
 
+#: A parameter of ripples: by so many of its errors, or such a part of it, it may be off in a file.
+_PERIOD, _PERIOD_SIGMA, _PERIOD_PART = "period", 5.0, 0.05
 #: Part of what the best set leaves, in per cent, that an unknown removes before it is told. Chosen.
 _LEAST_REMOVED_PERCENT = 20.0
 #: Points of a curve, and the step of a parameter, as part of its range, by which its error is found.
@@ -216,6 +218,20 @@ def _curve(own: OwnEffect, fit: Fit, scale: float, places: Places) -> tuple[Arra
 
 
 def ranked(unknowns: Sequence[OwnEffect], left: Sequence[LeftOver]) -> list[OwnEffect]:
-    """Local unknowns for a file, those that describe the rest best first."""
-    place = {one.name: k for k, one in enumerate(left)}
-    return sorted(unknowns, key=lambda own: place.get(own.name, len(place)))
+    """Local unknowns for a file, those that describe the rest best first.
+
+    The period of a ripple is looked for near the one that was found: between others there is no way to it.
+    """
+    place, found = {one.name: k for k, one in enumerate(left)}, {one.name: one.parameters for one in left}
+    near = [_near(own, found.get(own.name, {}).get(_PERIOD)) for own in unknowns]
+    return sorted(near, key=lambda own: place.get(own.name, len(place)))
+
+
+def _near(own: OwnEffect, period: Estimate | None) -> OwnEffect:
+    if period is None:
+        return own
+    stated = own.parameters[_PERIOD]
+    off = max(_PERIOD_SIGMA * (period.stderr or 0.0), _PERIOD_PART * period.value)
+    low, high = np.clip([period.value - off, period.value + off], *stated.range).tolist()
+    narrow = stated.model_copy(update={"range": (low, high)})
+    return own.model_copy(update={"parameters": {**own.parameters, _PERIOD: narrow}})

@@ -158,7 +158,8 @@ def _local(problem: Problem, plain: Whitener, one: Local, scale: float) -> _Desc
     misfit = Misfit(
         coordinate=record.coordinate,
         worst_at=float(along[size.argmax()]),
-        period_deg=None if period is None else period.value,
+        period_deg=period.value if period is not None and record.coordinate == "angle" else None,
+        period_s=period.value if period is not None and record.coordinate == "time" else None,
         like=record.name,
     )
     return _Description(score, record.removed_percent / 100, misfit, without_it(one.fit, record.name))

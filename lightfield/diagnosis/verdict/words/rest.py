@@ -24,7 +24,7 @@ def about(misfit: Misfit | None) -> str:
     """What is known of a misfit that nothing explains."""
     if misfit is None:
         return "it is not a function of one coordinate"
-    if misfit.like is not None and misfit.period_deg is None:
+    if misfit.like is not None and misfit.period_deg is None and misfit.period_s is None:
         name, unit = misfit.coordinate, UNITS.get(misfit.coordinate, "")
         return f"it looks like a {plain(misfit.like)}, near {name} = {misfit.worst_at:.3g} {unit}".rstrip()
     return f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
@@ -34,6 +34,8 @@ def _largest(misfit: Misfit) -> str:
     """Where an unexplained misfit is largest."""
     if misfit.period_deg is not None:
         return f"with a period of {misfit.period_deg:.2g} degrees"
+    if misfit.period_s is not None:
+        return f"with a period of {misfit.period_s:.3g} s"
     return f"most near {misfit.worst_at:.3g} {UNITS.get(misfit.coordinate, '')}".rstrip()
 
 

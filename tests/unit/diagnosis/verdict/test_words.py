@@ -186,6 +186,8 @@ def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structur
         (Misfit(coordinate="signal", worst_at=0.5), "it depends on signal alone, most near 0.5"),
         (Misfit(coordinate="angle", worst_at=2.0, period_deg=1.52),
          "it depends on angle alone, with a period of 1.5 degrees"),
+        (Misfit(coordinate="time", worst_at=2.0, period_s=421.3, like="ripple_in_time"),
+         "it depends on time alone, with a period of 421 s"),
     ],
 )  # fmt: skip
 def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
