@@ -33,7 +33,7 @@ def rows(common: float, own: float, seed: int = 1, wild: float = 0.0) -> tuple[A
             for b in range(BANDS):
                 value = level * (1 + b) * (flicker + own * rng.standard_normal())
                 points[k, b] = SimpleNamespace(
-                    value=value, shot=SHOT, dark_error=0.0, saturated=False, darks=()
+                    stated=np.nan, value=value, shot=SHOT, dark_error=0.0, saturated=False, darks=()
                 )
     made = joined_rows(stays, points, BANDS)
     found = np.array([[r["common_percent"], 100 * r["stderr"] / r["value"]] for r in made])

@@ -226,7 +226,7 @@ def test_a_lamp_is_seen_farther_than_it_talks(clear) -> None:
     ],
 )  # fmt: skip
 def test_receivers_that_make_no_sense(wrong) -> None:
-    with pytest.raises(UsageError, match=f"impossible {next(iter(wrong))}"):
+    with pytest.raises(UsageError, match=f"{next(iter(wrong))}: impossible number"):
         Receiver(**wrong)
 
 
