@@ -257,7 +257,7 @@ def _beside_a_ripple(
     """What explains the readings beside a ripple of the lamp's power in time that was taken for their noise:
     one that follows another looks like errors that go together."""
     prepared, best = known.prepared, known.finding.best
-    if best is None:
+    if best is None or known.problem.layout.size > MANY:
         return None
     problem, sigma = prepared.problem, prepared.noise.sigma
     off, light = (problem.value - best.fit.prediction) / sigma, best.fit.prediction / sigma

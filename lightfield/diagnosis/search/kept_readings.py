@@ -77,8 +77,8 @@ def without_outliers(
     # So is what a place explains that the reading may have been taken at.
     met = (usable > 0) & (problem.keep == 0)
     if met.any():
-        beside_m = budget.position_m * budget.position_slope(problem.forward, fit.values)
-        met &= np.abs(problem.value - fit.prediction) < _MET * np.hypot(whiten.noise.sigma, beside_m)
+        beside = budget.position_m * budget.position_slope(problem.forward, fit.values)
+        met &= np.abs(problem.value - fit.prediction) < _MET * np.hypot(whiten.noise.sigma, beside)
     if met.any():
         problem, basis = replace(problem, keep=np.where(met, usable, problem.keep)), None
         fit = problem.fit(explanation, whiten, [fit.u])
