@@ -32,8 +32,9 @@ LARGEST_STEP = 1e9
 SMALLEST_ERROR = 1e-12
 #: A part may be larger than the whole by what a table's digits leave open.
 _ROUNDED = 1e-3
-#: Seconds, not milliseconds since 1970; and a warm-up seen from long before zero is beyond any number.
-EARLIEST_S, LATEST_S = -1e5, 1e11
+#: A campaign of four months, no clock's seconds since 1970: what drifts counts from zero. And a warm-up seen
+#: from long before zero is beyond any number.
+EARLIEST_S, LATEST_S = -1e5, 1e7
 
 
 def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
@@ -82,7 +83,7 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
         "time_s",
         "is impossible",
         f"{EARLIEST_S:g} to {LATEST_S:g} s",
-        "count seconds, not milliseconds, from when the lamp was switched on",
+        "count seconds from when the lamp was switched on, not milliseconds, not from 1970",
     )
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
     refuse(

@@ -50,10 +50,9 @@ def read_nm(scene: Scene, wavelength_nm: ArrayLike) -> Array:
 
 def middles_nm(scene: Scene) -> Array:
     """Middles of the equal parts of every band as it is read, shape (n_bands, PIECES), nm."""
-    bands = np.asarray(scene.detector.bands_nm, float)
+    bands = np.asarray(scene.detector.bands_read_nm, float)
     at = (np.arange(PIECES) + 0.5) / PIECES
-    stated = bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at
-    return np.asarray(stated + scene.detector.wavelength_shift_nm)
+    return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
 
 
 def molecular_share(scene: Scene) -> float:
@@ -66,17 +65,14 @@ def molecular_share(scene: Scene) -> float:
 
 def over_bands(scene: Scene) -> BandLight:
     """The lamp's light in every band as it is read, see `over_band`."""
-    shift = scene.detector.wavelength_shift_nm
-    each = [
-        over_band(scene.lamp, low + shift, high + shift, scene.detector)
-        for low, high in scene.detector.bands_nm
-    ]
+    detector = scene.detector
+    each = [over_band(scene.lamp, low, high, detector) for low, high in detector.bands_read_nm]
     return BandLight(*(np.array(v) for v in zip(*each, strict=True)))
 
 
 def over_first_band(scene: Scene, pieces: int) -> BandLight:
     """The lamp's light in so many parts of the first band as it is read, shape (pieces,), see `over_band`."""
-    low, high = (at + scene.detector.wavelength_shift_nm for at in scene.detector.bands_nm[0])
+    low, high = scene.detector.bands_read_nm[0]
     return over_band(scene.lamp, low, high, scene.detector, pieces)
 
 

@@ -121,6 +121,12 @@ class Detector(Part):
     )
 
     @property
+    def bands_read_nm(self) -> tuple[tuple[float, float], ...]:
+        """What is read where `bands_nm` are stated, by `wavelength_shift_nm`."""
+        shift = self.wavelength_shift_nm
+        return tuple((low + shift, high + shift) for low, high in self.bands_nm)
+
+    @property
     def spectral_response(self) -> Response:
         """What its response makes of light over wavelength."""
         return Response(self.response, self.response_table)

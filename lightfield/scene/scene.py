@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections import Counter
 from collections.abc import Mapping
@@ -47,7 +48,7 @@ from lightfield.scene.parameters import (
     without_minus_zero,
 )
 from lightfield.scene.tank import Tank
-from lightfield.scene.water.coefficients import absorption_per_m
+from lightfield.scene.water.coefficients import clearest_in
 from lightfield.scene.water.water import Water
 from lightfield.storage import inputs, toml
 from lightfield.storage.files import atomic_path
@@ -109,16 +110,15 @@ class Scene(Part):
         """Less absorption than the base has is possible, less than none is not."""
         if self.water.absorption_per_m >= 0:
             return self
-        centres = [0.5 * (low + high) for low, high in self.detector.bands_nm]
         try:
-            total = absorption_per_m(self.water, centres)
+            at_nm, least = clearest_in(self.water, self.detector.bands_read_nm)
         except SceneError as error:
             raise RuleError.of(error) from error
-        if total.min() < 0:
+        if least < 0:
             raise RuleError(
                 f"water.absorption_per_m = {self.water.absorption_per_m:g} makes the absorption at "
-                f"{centres[int(total.argmin())]:g} nm {total.min():.3g} 1/m, which must be >= 0",
-                f"write at least {self.water.absorption_per_m - total.min():.4g}",
+                f"{at_nm:g} nm {least:.3g} 1/m, which must be >= 0",
+                f"write at least {math.ceil(1e4 * (self.water.absorption_per_m - least)) / 1e4:.4f}",
             )
         return self
 

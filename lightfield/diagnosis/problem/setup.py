@@ -34,7 +34,7 @@ from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import only
 from lightfield.scene.listed import AT
-from lightfield.scene.water.coefficients import absorption_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, clearest_in
 
 #: Assumed when the table does not say, in per cent and mm. Chosen: what a tow tank's stage and lamp repeat
 #: to, and what nobody asks of a formula; the verdict lists what was assumed.
@@ -222,9 +222,9 @@ def spectral(scene: Scene, readings: Readings) -> Scene:
 
 def _least_absorption(scene: Scene, layout: Layout) -> float:
     """Least absorption of the base water alone, in 1/m: how much clearer than its base water can be."""
-    centres = [0.5 * (low + high) for low, high in scene.detector.bands_nm]
-    known = layout.wavelength_nm[np.isfinite(layout.wavelength_nm)]
-    return float(absorption_per_m(only(scene, Acts.BASE).water, np.unique([*centres, *known])).min())
+    base, known = only(scene, Acts.BASE).water, np.unique(layout.wavelength_nm)
+    least = clearest_in(base, scene.detector.bands_read_nm)[1]
+    return min([least, *absorption_per_m(base, known[np.isfinite(known)]).tolist()])
 
 
 def problem_of(

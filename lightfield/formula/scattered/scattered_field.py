@@ -49,8 +49,11 @@ _ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 5, 0.1, 1.4
 #: Distances, at least and for every factor of e from the nearest to the farthest; part of the range that is
 #: added at its ends for tilts.
 _DISTANCES, _PER_E, _MORE = 3, 2, 0.05
-#: Places nearer to the window are taken there; a place at a node is so far from it, logarithmically.
-_NEAREST_M, _AT_NODE = 1e-3, 1e-15
+#: Cosine of the angle to a tilted beam at which places farther beside it, or behind the lamp, are taken: what
+#: is scattered there by so much more is no small angle's.
+_ASIDE = 0.3
+#: A place at a node is so far from it, logarithmically.
+_AT_NODE = 1e-15
 _REMEMBERED, _STEPS = 64, 3
 #: So many paths and spreads, for other phase functions and widths, are remembered: of twenty megabytes and of
 #: five each. A search goes to and fro between a dozen.
@@ -83,8 +86,8 @@ class _Seen(NamedTuple):
         Straight line through the water, as the table takes it.
     nearer : array, shape (n,), m^-2
         Inverse square, and the receiver's turn from the beam.
-    length : array, shape (n,), m
-        From the apparent source.
+    path, height : arrays, shape (n,), m
+        Straight from the window, and its mean y.
     """
 
     most: float
@@ -92,7 +95,8 @@ class _Seen(NamedTuple):
     by_angle: Array
     table_path: Array
     nearer: Array
-    length: Array
+    path: Array
+    height: Array
 
 
 class _Tables:
@@ -105,7 +109,7 @@ class _Tables:
     """
 
     def __init__(self, x_m: Array, y_m: Array, z_m: Array) -> None:
-        low, high = float(z_m.min()) * (1 - _MORE), float(z_m.max()) * (1 + _MORE)
+        self.span_m = low, high = float(z_m.min()) * (1 - _MORE), float(z_m.max()) * (1 + _MORE)
         count = _DISTANCES + math.ceil(_PER_E * math.log(high / low))
         middle, half = 0.5 * math.log(low * high), 0.5 * math.log(high / low)
         self.log_z = middle - half * np.cos(math.pi * (np.arange(count) + 0.5) / count)
@@ -225,28 +229,33 @@ class ScatteredField:
         power = np.einsum("nj,wji,ni->wn", seen.by_z, table, seen.by_angle, optimize=True)
         light = np.exp(power - (a + scatters)[:, None] * seen.table_path) * seen.nearer
         light *= (b / scatters)[:, None]
-        path = beyond_window(seen.length, self.z_m, behind_m)
         if water.hardening_per_m:
             changes, shares = within_band(water.hardening_per_m)
-            light *= np.exp(-np.multiply.outer(path, changes)) @ shares
-        return np.asarray(light * np.exp(-layers_depth(water, self.z_m, path)))
+            light *= np.exp(-np.multiply.outer(seen.path, changes)) @ shares
+        return np.asarray(light * np.exp(-layers_depth(water, self.z_m, seen.path, seen.height)))
 
     def _seen_from(self, offset_x_m: float, offset_y_m: float, behind_m: float, axis: Axis | None) -> _Seen:
         """The places as a lamp sees them; `axis` of a tilted one."""
         dx, dy, dz = self.x_m - offset_x_m, self.y_m - offset_y_m, self.z_m + behind_m
+        length = np.sqrt(dx * dx + dy * dy + dz * dz)
         along, turned = dz, np.ones_like(dz)
         if axis is not None:
-            along = axis[0] * dx + axis[1] * dy + axis[2] * dz
+            least = min(_ASIDE, 1 / math.hypot(1.0, self._tables.most))
+            along = np.maximum(axis[0] * dx + axis[1] * dy + axis[2] * dz, least * length)
             # Scattered light arrives from about where the lamp is.
             turned = dz / along
-        length = np.sqrt(dx * dx + dy * dy + dz * dz)
         tangent = np.sqrt(np.maximum(length**2 - along**2, 0.0)) / along
         most = max(self._tables.most, 1.02 * float(tangent.max()))
-        near = np.log(np.maximum(along - behind_m, _NEAREST_M))[:, None] - self._tables.log_z
+        # Beyond what the nodes span, which a large tilt may reach, as at its end.
+        far = np.clip(along - behind_m, *self._tables.span_m)
+        near = np.log(far)[:, None] - self._tables.log_z
         by_z = self._tables.signs / np.where(near == 0, _AT_NODE, near)
         by_z /= by_z.sum(axis=1, keepdims=True)
-        table_path = (along - behind_m) * np.sqrt(1 + tangent**2)
-        return _Seen(most, by_z, _spline(_angles(most))(tangent), table_path, turned / length**2, length)
+        table_path = far * np.sqrt(1 + tangent**2)
+        by_angle = _spline(_angles(most))(tangent)
+        path = beyond_window(length, self.z_m, behind_m)
+        height = self.y_m - 0.5 * dy * (path / length)
+        return _Seen(most, by_z, by_angle, table_path, turned / length**2, path, height)
 
 
 def _coefficients(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:

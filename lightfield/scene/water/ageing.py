@@ -61,8 +61,9 @@ def moments(water: Water, time_s: ArrayLike, path_m: ArrayLike, count: int) -> t
         Light at time i is the sum over k of shares[k, i] x light at moment k.
     """
     t, tau = np.nan_to_num(np.asarray(time_s, dtype=float)), water.settling_time_s
-    settles = bool(water.settling_per_m)
-    u = -np.expm1(-t / tau) if settles else t
+    settles, first = bool(water.settling_per_m), float(t.min())
+    # From the first reading on: of particles that settled long before it nothing would be left to tell.
+    u = -np.expm1(-(t - first) / tau) if settles else t
     low, high = float(u.min()), float(u.max())
     if low == high:
         return t[:1], np.ones((1, len(t)))
@@ -74,5 +75,5 @@ def moments(water: Water, time_s: ArrayLike, path_m: ArrayLike, count: int) -> t
         for j in range(count):
             if j != k:
                 shares[k] *= (u - at[j]) / (at[k] - at[j])
-    chosen = -tau * np.log1p(-at) if settles else at
+    chosen = first - tau * np.log1p(-at) if settles else at
     return chosen, shares * np.exp((growth_per_m(water, chosen)[:, None] - growth_per_m(water, t)) * path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 
 import numpy as np
@@ -138,6 +139,25 @@ def coefficients_in(water: Water, wavelength_nm: ArrayLike, molecular_share: flo
     counted = b - (1 - weight) * molecular_per_m(water, wavelength_nm)
     counted /= 1 - (1 - weight) * molecular_share
     return a + b - counted, counted
+
+
+def clearest_in(water: Water, bands_nm: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """Wavelength within bands at which the water absorbs least, nm, and how much, 1/m; to the nanometre.
+
+    Parameters
+    ----------
+    bands_nm : (from, to) of each, nm
+        Where the base is known for their part of them.
+    """
+    each = []
+    for low, high in bands_nm:
+        known = known_nm(water)
+        inside = np.linspace(low, high, max(2, round(high - low) + 1))
+        each.append(np.clip(inside, *known) if high > known[0] and low < known[1] else inside)
+    at = np.concatenate(each)
+    absorption = absorption_per_m(water, at)
+    least = int(absorption.argmin())
+    return float(at[least]), float(absorption[least])
 
 
 def known_nm(water: Water) -> tuple[float, float]:

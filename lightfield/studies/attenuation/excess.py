@@ -51,9 +51,9 @@ class Excess:
     def value(self, a: Array, b: Array) -> Array:
         """At absorption and scattering coefficients, shape (n,), 1/m: shape (n_places, n)."""
         s, t = self._inside(a, b)
-        inner = _grid(self.coefficients, s, t)
-        _, by_b = self.slopes(a, b)
-        return inner + by_b * (b - 0.5 * (t + 1) * self.largest_b)
+        by_a, by_b = self.slopes(a, b)
+        beyond_a, beyond_b = a - 0.5 * (s + 1) * self.largest_a, b - 0.5 * (t + 1) * self.largest_b
+        return _grid(self.coefficients, s, t) + by_a * beyond_a + by_b * beyond_b
 
     def slopes(self, a: Array, b: Array) -> tuple[Array, Array]:
         """Derivatives by a and by b, each of shape (n_places, n), m."""

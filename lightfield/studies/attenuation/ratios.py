@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, WAVELENGTH_DECIMALS, layout_of
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, WAVELENGTH_DECIMALS
 from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE, own_part
 from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
-from lightfield.formula.closed_form import direct_field, time_factor
+from lightfield.formula.closed_form import direct_field
+from lightfield.formula.readout import ambient, time_factor
 from lightfield.readings import Readings
 from lightfield.readings.load_warning import Remarks
 from lightfield.scene import Scene, Water
@@ -29,6 +30,7 @@ from lightfield.scene.all_parameters import without
 from lightfield.studies.attenuation.common_errors import stays
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
+from lightfield.studies.attenuation.shared_errors import of_places, sideways, stay_variance
 
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
@@ -145,7 +147,7 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     places, place = _labels(table.x_m, table.y_m, table.z_m, decimals=PLACE_DECIMALS)
     colours, colour = _labels(table.wavelength_nm, decimals=WAVELENGTH_DECIMALS)
     shape = (len(places), len(colours))
-    light = (table.value - scene.detector.background) / time_factor(scene, table.time_s)
+    light = (table.value - ambient(scene, table.time_s)) / time_factor(scene, table.time_s)
     relative, notes = _relative_errors(table, light, place * len(colours) + colour, air)
     common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value / light)
     relative = own_part(relative, common)
@@ -186,11 +188,13 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     budget = budget_of(table)
     if not budget.gain_stated:
         notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
-    variance = _stay_variance(table, air, distances, budget.plane_gain, budget.position_m, in_air)
-    sideways = _sideways_error(lossless, table, air, places, place, budget.position_m, in_air)
-    of_places = np.hypot(_of_places(together), sideways)
+    variance = stay_variance(
+        table, air, distances, budget.plane_gain, budget.position_m, in_air, scene.lamp.apparent_distance_m
+    )
+    aside = sideways(lossless, table, air, places, place, budget.position_m, in_air)
+    place_stderr = np.hypot(of_places(together), aside)
     found = Ratios(
-        scene, x, y, z, path, stay, np.sqrt(variance), of_places, colours[:, 0], ln, error,
+        scene, x, y, z, path, stay, np.sqrt(variance), place_stderr, colours[:, 0], ln, error,
         geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
     )  # fmt: skip
     return _enough(found, where)
@@ -243,15 +247,22 @@ def _relative_errors(
     _, label, count = np.unique(2 * group + air, return_inverse=True, return_counts=True)
     label = label.ravel()
     mean = np.bincount(label, light) / count
-    free = int((count - 1).sum())
-    if count.max() >= _FEWEST_REPEATS and free > 0:
-        deviation = light / mean[label] - 1
-        scatter = float(np.sqrt((deviation**2).sum() / free))
+    squared = np.bincount(label, (light - mean[label]) ** 2)
+    # What lies within its own scatter around nothing has no relative error: an absolute one, of all such.
+    dark = mean**2 * count * (count - 1) < _FAINT_SIGMA**2 * squared
+    free = np.where(dark, 0, count - 1)
+    if count.max() >= _FEWEST_REPEATS and free.sum() > 0:
+        scatter = float(np.sqrt((squared[~dark] / mean[~dark] ** 2).sum() / free.sum()))
         studied = Studied.STDERR_FROM_REPEATS
     else:
         scatter, studied = ASSUMED_RELATIVE, Studied.STDERR_ASSUMED
+    error = np.full(len(light), scatter)
+    if dark.any():
+        absolute = np.sqrt(squared[dark].sum() / (count - 1)[dark].sum())
+        with np.errstate(divide="ignore"):
+            error = np.where(dark[label], absolute / np.abs(light), scatter)
     note = Remark(studied, int(missing.sum()), percent=100 * scatter)
-    return np.where(missing, scatter, stated), [note]
+    return np.where(missing, error, stated), [note]
 
 
 def _means(
@@ -269,63 +280,6 @@ def _means(
         mean = np.bincount(flat, light[chosen], size) / count
         error = np.sqrt(np.bincount(flat, (relative * light)[chosen] ** 2, size)) / count
     return mean.reshape(shape), error.reshape(shape)
-
-
-def _of_places(together: Sequence[tuple[Array, Array]]) -> Array:
-    """Error of ln(water / air) that the colours of a place share, shape (n_places,).
-
-    Parameters
-    ----------
-    together : sequence of (mean, error), shape (n_places, n_colours)
-        In each medium.
-    """
-    variance = np.zeros(len(together[0][0]))
-    for mean, error in together:
-        known = np.isfinite(mean) & (mean > 0)
-        part = np.where(known, error / np.where(known, mean, 1.0), 0.0) ** 2
-        variance += part.sum(axis=1) / np.maximum(known.sum(axis=1), 1)
-    return np.sqrt(variance)
-
-
-def _sideways_error(
-    lossless: Scene,
-    table: Readings,
-    air: NDArray[np.bool_],
-    places: Array,
-    place: NDArray[np.int_],
-    position_m: float,
-    in_air: bool,
-) -> Array:
-    """Error of ln(water / air) of a receiver that stands beside its place across the beam, shape (n_places,).
-
-    The light's slope there is that of the scene's beam; every visit stands anew.
-    """
-    if position_m == 0:
-        return np.zeros(len(places))
-    squared = np.zeros(len(places))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for step in ([position_m, 0, 0], [0, position_m, 0]):
-            right, left = (direct_field(lossless, *(places + sign * np.array(step)).T) for sign in (1, -1))
-            squared += np.nan_to_num(np.log(right / left) / 2, posinf=0.0, neginf=0.0) ** 2
-    variance, visit = np.zeros(len(places)), layout_of(table).visit
-    for medium in [air, ~air] if in_air else [~air]:
-        stood = np.unique(np.stack([place[medium], visit[medium]]), axis=1)[0]
-        variance += squared / np.maximum(np.bincount(stood, minlength=len(places)), 1)
-    return np.sqrt(variance)
-
-
-def _stay_variance(
-    table: Readings, air: NDArray[np.bool_], distances: Array, gain: float, position_m: float, in_air: bool
-) -> Array:
-    """Variance of the error that all colours of a distance share, shape (n_stays,)."""
-    visit, z = layout_of(table).visit, np.round(table.z_m, PLACE_DECIMALS) + 0.0
-    variance = np.zeros(len(distances))
-    for k, distance in enumerate(distances):
-        one = gain**2 + (2.0 * position_m / distance) ** 2  # inverse square: the light's slope is 2 / z
-        for medium in [air, ~air] if in_air else [~air]:
-            visits = len(np.unique(visit[medium & (z == distance)]))
-            variance[k] += one / max(visits, 1)
-    return variance
 
 
 def _enough(found: Ratios, where: str | None) -> Ratios:

@@ -192,6 +192,26 @@ def test_a_lamp_aside_lights_what_is_aside() -> None:
     assert moved == pytest.approx(ScatteredField(x, y, z).light(scene(), [None]), rel=2e-4)
 
 
+def test_a_tilt_may_turn_the_beam_away_from_a_place() -> None:
+    """So far that the place is behind the lamp: little light, and the more the nearer the beam turns."""
+    place = np.array([4.0]), np.zeros(1), np.array([1.5])
+    tilts = np.arange(-60.0, 61.0, 10.0)
+    field = ScatteredField(*place)
+    light = np.array([field.light(scene(lamp__tilt_x_deg=float(t)), [None])[0, 0] for t in tilts])
+    assert np.isfinite(light).all() and (light > 0).all()
+    assert light[0] < 0.01 * light[-1] and (np.diff(light[tilts >= 0]) > 0).all()
+
+
+def test_turbidity_that_grows_upwards_dims_what_is_above() -> None:
+    """Along the straight line from the lamp: its mean height over its length."""
+    x, y, z = np.array([0.3, 0.3]), np.array([0.5, -0.5]), np.array([5.0, 5.0])
+    level, layered = scene(), scene(water__height_gradient_per_m2=0.02)
+    field = ScatteredField(x, y, z)
+    dimmed = field.light(layered, [None])[0] / field.light(level, [None])[0]
+    length = np.sqrt(x**2 + y**2 + z**2)
+    assert dimmed == pytest.approx(np.exp(-0.02 * 0.5 * y * length), rel=1e-9)
+
+
 def test_light_scattered_once_is_right_far_beside_a_beam() -> None:
     """In water so clear that nothing else is, of a sharp forward peak: beside twice as many nodes (as few as
     near the axis are 0.2 % off at three half widths)."""

@@ -50,12 +50,12 @@ def test_what_does_not_fit_names_the_reading(given, word):
         readings(**given).check_against(scene())
 
 
-@pytest.mark.parametrize("time_s", [-3e9, 1.7e12])
+@pytest.mark.parametrize("time_s", [-3e9, 1.7e9, 1.7e12])
 def test_times_are_seconds_since_the_lamp_was_switched_on(time_s):
     """A warm-up seen from a century before it is beyond any number; 1.7e12 is milliseconds since 1970."""
     with pytest.raises(MeasurementError, match="reading 2: time_s is impossible"):
         readings(time_s=[0.0, time_s])
-    readings(time_s=[1.7e9, 1.7e9 + 1])
+    readings(time_s=[0.0, 9e6])
     readings(time_s=[-600.0, 0.0])
 
 

@@ -129,3 +129,12 @@ def test_a_lamp_that_no_band_sees_is_one_error(bands: list[list[float]], stray: 
     for asked in (refuse_unlit, render_scene, lambda s: working_range(s, None)):
         with pytest.raises(SceneError, match=says):
             asked(scene)
+
+
+@pytest.mark.parametrize(("band", "shift_nm"), [([400, 750], 0.0), ([425, 475], -20.0)])
+def test_water_amplifies_nowhere_in_a_band_as_it_is_read(band: list[float], shift_nm: float) -> None:
+    """Pure water absorbs least at 416 nm, 0.0044 per m: far from the middles of these."""
+    detector = {"bands_nm": [band], "wavelength_shift_nm": shift_nm}
+    with pytest.raises(SceneError, match=r"at 416 nm .* write at least -0\.0044"):
+        Scene.from_dict({"water": {"base": "pure", "absorption_per_m": -0.005}, "detector": detector})
+    Scene.from_dict({"water": {"base": "pure", "absorption_per_m": -0.0044}, "detector": detector})

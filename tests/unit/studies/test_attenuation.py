@@ -313,3 +313,29 @@ def test_from_instrument_files_to_attenuation(tmp_path) -> None:
     found = attenuation(readings, scene()).apparent[0]
     assert found.ratios.reference == "air" and found.ratios.wavelength_nm.tolist() == [505, 525, 545]
     assert found.K_per_m == pytest.approx(0.1, abs=1e-5)
+
+
+def test_daylight_that_drifts_is_taken_from_every_reading() -> None:
+    """Half of the faintest light, doubled within an hour."""
+    lamp = scene().with_values({"detector.background_drift_per_hour": 0.8, "detector.background": 1e-3})
+    clear = table(scene())
+    time = np.linspace(0, 4500, len(clear))
+    daylight = 1e-3 * (1 + 0.8 * time / 3600)
+    assert daylight.max() > 0.5 * clear.value.min()
+    columns = {k: getattr(clear, k) for k in ("z_m", "medium", "wavelength_nm", "stderr")}
+    lit = Readings.from_arrays(value=clear.value + daylight, time_s=time, **columns)
+    found = apparent_attenuation(ratios_of(lit, lamp))
+    assert found.K_per_m == pytest.approx(truth_per_m(), abs=1e-3)
+
+
+def test_a_colour_without_light_leaves_the_errors_of_others_alone() -> None:
+    """Repeats that scatter around nothing are no relative error."""
+    whole, rng = table(scene()), np.random.default_rng(4)
+    five = {k: np.repeat(getattr(whole, k), 5) for k in ("z_m", "value", "medium", "wavelength_nm")}
+    five["repeat"] = np.tile(np.arange(1.0, 6.0), len(whole))
+    dark = five["wavelength_nm"] == COLOURS[-1]
+    scattered = five["value"] * np.exp(0.004 * rng.standard_normal(len(dark)))
+    five["value"] = np.where(dark, 1e-6 * rng.standard_normal(len(dark)), scattered)
+    found = ratios_of(Readings.from_arrays(**five), scene())
+    assert found.wavelength_nm == pytest.approx(COLOURS[:-1])
+    assert np.mean(found.stderr) == pytest.approx(0.004 * np.sqrt(2 / 5), rel=0.2)

@@ -1,0 +1,29 @@
+"""Waters of a few moments that stand for all: with readings that begin long after the lamp."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.scene.water.ageing import growth_per_m, moments
+from lightfield.scene.water.water import Water
+
+PATH_M = np.full(40, 6.0)
+
+
+@pytest.mark.parametrize("begin_s", [0.0, 600.0, 3000.0, 1e6])
+@pytest.mark.parametrize("drift", [0.0, 0.1])
+def test_each_time_has_its_own_attenuation_along_the_straight_line(begin_s: float, drift: float) -> None:
+    """Whatever is left of the particles: light of one moment, moved to the other by Beer and Lambert."""
+    water = Water(settling_per_m=0.3, settling_time_s=60.0, drift_per_m_per_hour=drift)
+    time = begin_s + np.linspace(0, 4200, 40)
+    at, shares = moments(water, time, PATH_M, 4)
+    assert np.isfinite(at).all() and np.isfinite(shares).all()
+    assert (at >= begin_s).all() and (at <= time[-1]).all()
+    light = (shares * np.exp(-growth_per_m(water, at) * 6.0)[:, None]).sum(axis=0)
+    assert light == pytest.approx(np.exp(-growth_per_m(water, time) * 6.0), rel=1e-9)
+
+
+def test_readings_of_one_moment_need_one() -> None:
+    at, shares = moments(Water(settling_per_m=0.3), np.full(5, 120.0), PATH_M[:5], 4)
+    assert at.tolist() == [120.0] and (shares == 1).all()
