@@ -308,7 +308,7 @@ def _inquiry(
     scene = spectral(scene, readings)
     every = effects.all_of(scene)
     chosen: list[Effect] = (
-        [effects.get(name) for name in only]
+        [effects.get(name, scene) for name in only]
         if only is not None
         else [*every.values(), *effects.curves().values()]
     )

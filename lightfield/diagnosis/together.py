@@ -150,7 +150,7 @@ def _plainly(columns: Array) -> Array:
 def _chosen(problem: Problem, untestable: Untestable, names: Sequence[str]) -> Explanation:
     out: list[Candidate] = []
     for name in names:
-        effect, form = effects.get_form(name)
+        effect, form = effects.get_form(name, problem.forward.scene)
         mine = [c for c in problem.candidates if c.name == effect.name]
         if not mine:
             raise UsageError(

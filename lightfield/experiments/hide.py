@@ -205,7 +205,7 @@ def draw_effect(
     UsageError
         Unknown effect or form, or it cannot act on these readings.
     """
-    effect, form = effects.get_form(name)
+    effect, form = effects.get_form(name, scene)
     field = field_to_hide(effect) if effect.is_free_form else None
     if effect.is_free_form and field is None:
         raise UsageError(
@@ -233,7 +233,7 @@ def draw_effect(
 
 def _only_hidden(scene: Scene, values: Mapping[str, float], names: Sequence[str]) -> None:
     """Refuse values by which an effect would be hidden that the truth does not name."""
-    chosen = {effects.get_form(name)[0].name for name in names}
+    chosen = {effects.get_form(name, scene)[0].name for name in names}
     for effect in effects.all_of(scene).values():
         amplitudes = {free.path for form in effect.forms for free in form.amplitudes}
         other = sorted(amplitudes & set(values))
@@ -298,7 +298,6 @@ def hide(
     rng = np.random.default_rng(seed)
     if layout is None:
         layout = "line" if scene.detector.positions_m is None else LISTED
-    effects.all_of(scene)  # so that the scene's own are known by name
     table = scan(scene, layout, order, rng)
     hidden: dict[str, Any] = {}
     known = [name for name in secret.names if not name.startswith(unknowns.PREFIX)]

@@ -228,12 +228,14 @@ def where_next(
         for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
     ]
     alike = best.predicted_sigma < SAME_CLASS_SIGMA
+    in_one = [c.effect for a, b in pairs for c in a.explanation if c.name not in b.names]
     return NextMeasurement(
         asks=Asks.OTHER_KIND if alike else Asks.PART,
         between=[list(one.names), list(two.names)],
         readings=[] if alike else readings,
         separation_now_sigma=best.now_sigma,
         separation_predicted_sigma=best.predicted_sigma,
+        laboratory={effect.name: effect.laboratory for effect in in_one} if alike else {},
     )
 
 

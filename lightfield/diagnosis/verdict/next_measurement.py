@@ -9,7 +9,6 @@ from pydantic import Field, computed_field
 
 from lightfield.diagnosis.verdict.parts import Kind, Misfit, PlaceToRead, Record, SetAside
 from lightfield.diagnosis.verdict.speech import join, place, plain
-from lightfield.fitting import effects
 
 #: So often a reading that was set aside is to be repeated: once could be another slip.
 REPEATS = 3
@@ -35,6 +34,9 @@ class NextMeasurement(Record):
     readings: list[PlaceToRead] = Field(default_factory=list)
     separation_now_sigma: float | None = None
     separation_predicted_sigma: float | None = None
+    laboratory: dict[str, str] = Field(
+        default_factory=dict, description="where no reading parts them: a check of each effect of one alone"
+    )
 
     @computed_field(description="the same in words")  # type: ignore[prop-decorator]
     @property
@@ -84,8 +86,7 @@ def _part(asked: NextMeasurement) -> str:
 
 def _other_kind(asked: NextMeasurement) -> str:
     first, second = asked.between
-    different = [n for n in (*first, *second) if (n in first) != (n in second)]
-    advice = " ".join(f"For {plain(n)}: {effects.get(n).laboratory}" for n in different)
+    advice = " ".join(f"For {plain(name)}: {check}" for name, check in asked.laboratory.items())
     return (
         f"No further reading of this kind separates {join(first)} from {join(second)}; "
         f"change the kind of measurement. {advice}"

@@ -16,9 +16,6 @@ ENTRY_POINT_GROUP = "lightfield.effects"
 #: One module per part of the scene, in the order in which a diagnosis tries and names what they list.
 _PARTS = (lamp, water, tank, detector, air)
 
-#: Effects of the scenes that were asked about: a verdict names effects, and looks up what it says of them.
-_of_scenes: dict[str, Effect] = {}
-
 
 def _from_entry_points() -> Iterable[Effect]:
     for entry in entry_points(group=ENTRY_POINT_GROUP):
@@ -91,8 +88,6 @@ def curves() -> Mapping[str, Effect]:
 def all_of(scene: Scene) -> Mapping[str, Effect]:
     """Every effect that may act in a scene by name: those of the table, and the scene's own.
 
-    A name of the scene's own is known to `get` from then on.
-
     Raises
     ------
     UsageError
@@ -108,19 +103,23 @@ def all_of(scene: Scene) -> Mapping[str, Effect]:
             rule="names that the table of effects does not have",
             remedy="rename it",
         )
-    _of_scenes.update(mine)
     return {**table(), **mine}
 
 
-def get(name: str) -> Effect:
+def get(name: str, scene: Scene | None = None) -> Effect:
     """The effect called `name`.
+
+    Parameters
+    ----------
+    scene : Scene, optional
+        Whose own effects count too.
 
     Raises
     ------
     UsageError
         No effect has that name; the error gives the nearest, or lists those that exist.
     """
-    effects = {**table(), **curves(), **_of_scenes}
+    effects = {**table(), **curves(), **({} if scene is None else all_of(scene))}
     if name not in effects:
         near = did_you_mean(name, effects)
         rule = None if near else f"one of {', '.join(effects)}"
@@ -133,8 +132,8 @@ def effect_name(key: str) -> str:
     return key.partition(":")[0]
 
 
-def get_form(name: str) -> tuple[Effect, Form]:
-    """The effect and form that "effect" (its first form) or "effect:form" names.
+def get_form(name: str, scene: Scene | None = None) -> tuple[Effect, Form]:
+    """The effect and form that "effect" (its first form) or "effect:form" names; as `get`.
 
     Raises
     ------
@@ -142,7 +141,7 @@ def get_form(name: str) -> tuple[Effect, Form]:
         No effect has that name, or it has no such form.
     """
     title, _, wanted = name.partition(":")
-    effect = get(title)
+    effect = get(title, scene)
     forms = [form for form in effect.forms if wanted in ("", form.name)]
     if not forms:
         known = ", ".join(form.name for form in effect.forms)

@@ -15,9 +15,11 @@ from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.formula.closed_form import direct_field
+from lightfield.formula.own_formulas import lit
 from lightfield.scene import Scene
 from lightfield.scene.acts import IN_WATER
 from lightfield.scene.all_parameters import without
+from lightfield.scene.listed import OWN_FIELD
 from lightfield.studies.light_at import Places, diffuse_response_at
 
 #: Nodes in absorption and in scattering: the polynomials meet the response between them to a twentieth of
@@ -96,6 +98,8 @@ def excess_light(
     typical : (a, b), 1/m
         Water whose errors are taken for those of all.
     """
+    # Own effects on the beam are in its lamp; others dim all light alike.
+    scene = lit(scene).model_copy(update={OWN_FIELD: ()})
     first, count = grey(scene, *typical), len(places[2])
     response = diffuse_response_at(trace, first, places, largest_b)
     nodes_a, nodes_b = (0.5 * (np.cos(np.pi * (np.arange(n) + 0.5) / n) + 1) for n in (NODES_A, NODES_B))

@@ -174,7 +174,7 @@ def _chosen(problem: Problem, names: Sequence[str], untestable: Untestable) -> E
     """One form per named effect; "effect:form" picks a form other than the first."""
     out: list[Candidate] = []
     for name in names:
-        effect, form = effects.get_form(name)
+        effect, form = effects.get_form(name, problem.forward.scene)
         if effect.name in untestable:
             raise UsageError(
                 "this effect cannot be fitted here", where=name, found=in_words(untestable[effect.name]),

@@ -217,3 +217,19 @@ def test_a_width_that_a_fit_may_reach_is_one_that_a_scene_takes(u: float) -> Non
     hwhm = np.radians(scene.detector.acceptance_hwhm_deg)
     told = np.exp(-np.log(2) * (theta / hwhm) ** 2) if hwhm else 1.0
     assert told == pytest.approx(np.exp(-np.log(2) * theta**2 * u / np.radians(10.0) ** 2), rel=1e-7)
+
+
+def test_a_name_of_ones_own_means_what_its_scene_says() -> None:
+    """Whatever other scenes were asked about before."""
+    one, other = (Scene.from_dict({"effect": [own_effect(physics)]}) for physics in ("A rope.", "A fish."))
+    assert effects.all_of(one)["shade"].physics != effects.all_of(other)["shade"].physics
+    assert effects.get("shade", one).physics.startswith("A rope.")
+    assert effects.get_form("shade", other)[0].physics.startswith("A fish.")
+    with pytest.raises(UsageError, match="unknown effect"):
+        effects.get("shade")
+
+
+def own_effect(physics: str) -> dict[str, object]:
+    size = {"range": [-0.3, 0.3], "neutral": 0.0, "typical": 0.05}
+    formula = {"stage": "path", "formula": "1 - a*(x > 0)", "parameters": {"a": size}}
+    return {"name": "shade", "family": "path", "physics": physics, **formula}

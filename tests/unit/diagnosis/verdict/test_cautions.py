@@ -52,8 +52,10 @@ def test_every_advice_has_words_and_reads_back(asks: Asks) -> None:
         readings=[PlaceToRead(x_m=0.3, y_m=0.0, z_m=6.5, medium="water", repeats=4)],
         separation_now_sigma=1.2,
         separation_predicted_sigma=7.5,
+        laboratory={"beam_tilt": "Turn the lamp."},
     )
     assert told.sentence.endswith(".")
+    assert ("beam tilt: Turn the lamp." in told.sentence) == (asks is Asks.OTHER_KIND)
     assert ("7.5 sigma" in told.sentence) == (asks is Asks.PART)
     assert ("z = 6.5" in told.sentence) == (asks in (Asks.PART, Asks.REPEAT, Asks.LOOK))
     data = told.model_dump(mode="json")
