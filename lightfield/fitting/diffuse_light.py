@@ -69,7 +69,10 @@ DiffuseSource = Callable[..., TracedDiffuse]
 
 
 def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
-    """The source, which gives what it has been asked for before from memory."""
+    """The source of one experiment, which gives what it has been asked for before from memory.
+
+    Its tank, detector and phase function stay; a trace does not depend on the rest of a scene.
+    """
     if source is None:
         return None
     made: dict[tuple[object, ...], TracedDiffuse] = {}

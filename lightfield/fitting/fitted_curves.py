@@ -55,7 +55,7 @@ class FittedCurve:
     at : array, shape (n,)
         deg, m, s or nm, as far as the readings reach; of planes their distances.
     value, stderr : array, shape (n,)
-        Intensity over that on the axis, attenuation in 1/m, lamp power over its mean or in W/nm, or gain.
+        Intensity over that on the axis, attenuation in 1/m, relative lamp power or in W/nm, or gain.
     without : array, shape (n,)
         The same without the departure.
     rms : float
@@ -104,7 +104,7 @@ def _plane_gain(scene: Scene, z_m: Array) -> Array:
 _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     PROFILE: ("angle from the beam's axis (deg)", "intensity / that on the axis", _intensity),
     ABSORPTION: ("z (m)", "attenuation K (1/m)", _attenuation),
-    POWER: ("time (s)", "lamp power / its mean", time_factor),
+    POWER: ("time (s)", "relative lamp power", time_factor),
     SPECTRUM: ("wavelength (nm)", "lamp power (W/nm)", _power_per_nm),
     COLOUR: ("wavelength (nm)", "attenuation K (1/m)", _colour),
     PLANES: ("z (m)", "gain of the plane", _plane_gain),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array, evenly, finite
+from lightfield.arrays import evenly, finite
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
 from lightfield.studies.attenuation.constituents import Amount
@@ -288,8 +288,8 @@ def _apparent_data(one: Apparent) -> dict[str, Any]:
     data = one.dataset()
     return {
         "quantity": one.ratios.scene.detector.quantity,
-        **{str(name): _list(values.values) for name, values in data.data_vars.items()},
-        **{str(name): _list(values.values) for name, values in data.coords.items()},
+        **{str(name): values.values.tolist() for name, values in data.data_vars.items()},
+        **{str(name): values.values.tolist() for name, values in data.coords.items()},
         **data.attrs,
         "misfit_p": finite(one.misfit_p),
         "mean_attenuation": list(one.mean()),
@@ -304,7 +304,7 @@ def _scattered_data(found: Scattered) -> dict[str, Any]:
     return {
         **{name: getattr(found, name).tolist() for name in names},
         "largest_b": found.largest_b,
-        "share": _list(found.share),
+        "share": found.share.tolist(),
         "chi2": found.chi2,
         "degrees_of_freedom": found.dof,
         "misfit_p": finite(found.misfit_p),
@@ -329,7 +329,3 @@ def _content_data(found: Content) -> dict[str, Any]:
         },
         "other_g": {f"{g:g}": amounts for g, amounts in found.other_phases.items()},
     }
-
-
-def _list(values: Array) -> Any:
-    return np.where(np.isfinite(values), values, np.nan).tolist()
