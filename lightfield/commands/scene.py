@@ -4,12 +4,32 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.scene.lamp.photometry import beam_table
 from lightfield.storage import toml
 from lightfield.storage.files import output_file
+
+_BEAMS = ("gaussian", "super-gaussian", "two-component")
+#: What counts for some choices alone: the field that holds the choice, and those for which it does.
+_ONLY_FOR: dict[str, dict[str, tuple[str, tuple[str, ...]]]] = {
+    "lamp": {
+        "hwhm_deg": ("profile", _BEAMS),
+        "shape_exponent": ("profile", ("super-gaussian",)),
+        "skirt_fraction": ("profile", ("two-component",)),
+        "skirt_hwhm_deg": ("profile", ("two-component",)),
+        "intensity_table": ("profile", ("table",)),
+        "temperature_k": ("spectrum", ("planck",)),
+        "spectrum_table": ("spectrum", ("table",)),
+    },
+    "water": {"table": ("base", ("table",))},
+    "detector": {"response_table": ("response", ("table",))},
+}
+#: Of the light on its axis, above which the end of a lamp's table is told; up to where a table may end dark.
+_BRIGHT_END, _ALL_ROUND = 0.01, math.radians(89.0)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,4 +105,26 @@ def as_text(scene: Scene) -> str:
         mark = " " if parameter.neutral is None or value == parameter.neutral else "*"
         shown = f"{parameter.value:g}" if value is None else value
         lines.append(f"{mark} {path:<34} {shown!s:>12} {parameter.unit or '':<8} {parameter.meaning}")
-    return "\n".join([*lines, "", "* departs from its neutral value"])
+    lines += ["", "* departs from its neutral value"]
+    if unused := _unused(scene):
+        lines.append(f"stated, but not used: {', '.join(unused)}")
+    if scene.lamp.profile == "table" and (left := _left_at_end(scene)) > _BRIGHT_END:
+        lines.append(f"the lamp's table ends at {100 * left:.0f} % of the light on its axis: beyond is none")
+    return "\n".join(lines)
+
+
+def _unused(scene: Scene) -> list[str]:
+    """What the scene says, and a choice beside it leaves without effect, with that choice."""
+    return [
+        f"{part}.{name} ({choice} is {chosen if isinstance(chosen, str) else 'peaks'})"
+        for part, names in _ONLY_FOR.items()
+        for name, (choice, uses) in names.items()
+        if (model := getattr(scene, part)) is not None and name in model.model_fields_set
+        if (chosen := getattr(model, choice)) not in uses and getattr(model, name) is not None
+    ]
+
+
+def _left_at_end(scene: Scene) -> float:
+    """Intensity at a lamp table's last angle over that on the axis, 0 where it goes all the way round."""
+    table = beam_table(str(scene.lamp.intensity_table))
+    return float(table.mean[-1]) if table.angle_rad[-1] < _ALL_ROUND else 0.0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -20,6 +21,8 @@ PositiveMetres = Annotated[float, Field(strict=True, gt=0.0)]
 
 class Detector(Part):
     """Receivers that face the lamp (-z), on planes or at single positions, with their readout."""
+
+    tables_of: ClassVar[Mapping[str, str]] = {"response_table": "response"}
 
     quantity: Literal["irradiance", "scalar_irradiance", "radiance"] = declare(
         "irradiance", "plane irradiance (cosine), scalar irradiance, or radiance over a cone", Acts.RECEIVER

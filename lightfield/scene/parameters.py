@@ -9,9 +9,9 @@ from functools import cache, lru_cache, reduce
 from operator import attrgetter, or_
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar, get_args
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 from pydantic_core import to_jsonable_python
 
 from lightfield.errors import RuleError
@@ -29,6 +29,17 @@ class Part(BaseModel):
     """Immutable piece of a scene: unknown keys are errors, numbers are finite, text is never a number."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, validate_default=False)
+    #: Fields that name a table, and the field that says "table" where it is used.
+    tables_of: ClassVar[Mapping[str, str]] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_table_that_is_named_is_meant(cls, data: Any) -> Any:
+        """Where nothing else is said."""
+        if not isinstance(data, Mapping):
+            return data
+        meant = {use: "table" for name, use in cls.tables_of.items() if data.get(name) is not None}
+        return {**meant, **data}
 
     def __copy__(self) -> Self:
         """As pydantic's own, of what a part has: fields and nothing else. A fit makes some 100,000 copies."""

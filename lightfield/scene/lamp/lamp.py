@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -24,6 +25,8 @@ Several = Annotated[tuple[Peak, ...], Field(min_length=1)]
 
 class Lamp(Part):
     """The source; Gaussian family: exp(-ln2 (theta/hwhm)^m) + f exp(-ln2 (theta/hwhm_s)^2)."""
+
+    tables_of: ClassVar[Mapping[str, str]] = {"intensity_table": "profile", "spectrum_table": "spectrum"}
 
     profile: Literal["gaussian", "super-gaussian", "two-component", "table", "isotropic", "pencil"] = declare(
         "gaussian", "angular shape of the beam", Acts.BEAM

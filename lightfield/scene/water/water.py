@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -21,6 +22,8 @@ COEFFICIENTS = Acts.ABSORPTION | Acts.SCATTERING | Acts.COLOUR
 
 class Water(Part):
     """Inherent optical properties: base, grey additions, constituents, non-uniformity, phase function."""
+
+    tables_of: ClassVar[Mapping[str, str]] = {"table": "base"}
 
     base: str = declare(
         "none", '"none", "pure", "table" or the name of a preset', Acts.BASE | COEFFICIENTS, neutral="none"

@@ -95,3 +95,31 @@ def test_wrong_values_give_exit_code_2(capsys, scene_file, arguments):
     assert captured.out == ""
     assert captured.err.startswith("lightfield: ")
     assert "defect" not in captured.err
+
+
+@pytest.mark.parametrize(
+    ("lamp", "profile", "said"),
+    [
+        ("", "table", "ends at 50 % of the light on its axis"),
+        ('profile = "table"\nhwhm_deg = 8', "table", "not used: lamp.hwhm_deg (profile is table)"),
+        ('profile = "gaussian"', "gaussian", "not used: lamp.intensity_table (profile is gaussian)"),
+    ],
+)
+def test_a_table_that_is_named_is_meant_and_what_counts_for_nothing_is_told(
+    capsys, tmp_path, lamp: str, profile: str, said: str
+) -> None:
+    (tmp_path / "lamp.csv").write_text("angle_deg,intensity\n0,2\n5,1\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(f'[lamp]\nintensity_table = "lamp.csv"\n{lamp}\n')
+    assert Scene.load(scene).lamp.profile == profile
+    assert said in run(capsys, scene)
+
+
+def test_every_table_that_is_named_is_used(tmp_path) -> None:
+    (tmp_path / "t.csv").write_text(
+        "wavelength_nm,power,response,absorption_per_m,scattering_per_m\n400,1,1,0.1,0\n700,1,1,0.1,0\n"
+    )
+    tables = {"lamp": "spectrum_table", "water": "table", "detector": "response_table"}
+    data = {part: {name: str(tmp_path / "t.csv")} for part, name in tables.items()}
+    scene = Scene.from_dict(data)
+    assert (scene.lamp.spectrum, scene.water.base, scene.detector.response) == ("table",) * 3

@@ -22,7 +22,7 @@ WRONG = {
     ),
     "more light than without water": (
         '[water]\nbase = "pure"\nabsorption_per_m = -0.1\n[detector]\nbands_nm = [[440, 460], [640, 660]]',
-        ["water.absorption_per_m = -0.1", "450 nm", ">= 0", "write at least -0.00"],
+        ["water.absorption_per_m = -0.1", "440 nm", ">= 0", "write at least -0.00"],
     ),
     "falling wavelengths": (
         "[water]\nabsorption_at = [[550.0, 0.1], [450.0, 0.1]]",

@@ -220,13 +220,13 @@ def test_scene_is_immutable(table: str, name: str) -> None:
 
 
 def test_water_may_be_clearer_than_its_base_but_not_than_nothing() -> None:
-    """Pure water absorbs 0.34 per m at 650 nm and 0.009 at 450 (Pope and Fry 1997): one grey number below
+    """Pure water absorbs 0.34 per m at 650 nm and 0.006 at 440 (Pope and Fry 1997): one grey number below
     zero is possible where only red is measured."""
     text = '[water]\nbase = "pure"\nabsorption_per_m = -0.1\n[detector]\nbands_nm = [[640, 660]]'
     red = Scene.from_toml(text)
     assert absorption_per_m(red.water, [650.0])[0] == pytest.approx(0.24, abs=0.01)
     assert red.parameters()["water.absorption_per_m"].low < 0
-    with pytest.raises(SceneError, match="450 nm"):
+    with pytest.raises(SceneError, match="440 nm"):
         red.with_values({"detector.bands_nm": ((440.0, 460.0), (640.0, 660.0))})
     with pytest.raises(SceneError, match=r"found -0\.1"):
         red.with_values({"water.base": "none"})
