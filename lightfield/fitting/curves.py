@@ -30,7 +30,6 @@ from lightfield.arrays import Array
 from lightfield.formula.path import rays
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-from lightfield.scene.all_parameters import acts_on
 from lightfield.scene.curve import Nodes, integral_to, value_at
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import effective_angles
@@ -184,9 +183,7 @@ class Curves:
     def parameters(self) -> dict[str, Parameter]:
         """Every amplitude by its path."""
         return {
-            path: Parameter(
-                path, "1", f"amplitude {k} of {field}", -LARGEST, LARGEST, 0.0, 0.0, acts_on(field)
-            )
+            path: Parameter(path, "1", f"amplitude {k} of {field}", -LARGEST, LARGEST, 0.0, 0.0)
             for field, basis in self.bases.items()
             for k, path in enumerate(basis.paths, 1)
         }

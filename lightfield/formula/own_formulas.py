@@ -15,7 +15,7 @@ from lightfield.arrays import Array
 from lightfield.formula.path import rays
 from lightfield.scene.curve import LARGEST, value_at
 from lightfield.scene.lamp.frame import beam_angles
-from lightfield.scene.own.own_effect import Places, Stage
+from lightfield.scene.own.own_effect import OwnEffect, Places, Stage
 
 if TYPE_CHECKING:
     from lightfield.scene import Scene
@@ -81,6 +81,11 @@ def factor(scene: Scene, stages: tuple[Stage, ...], *where: Any) -> Array | floa
     for effect in acting:
         product = product * effect.at(here)
     return product
+
+
+def on_path(scene: Scene) -> tuple[OwnEffect, ...]:
+    """Own effects that act on the path of the light that comes straight."""
+    return tuple(effect for effect in scene.effect if effect.stage == "path" and not effect.is_off)
 
 
 def shown(scene: Scene, reading: Array, full: float, *where: Any) -> Array:

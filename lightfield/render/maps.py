@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.formula.own_formulas import factor, lit
+from lightfield.formula.own_formulas import factor, lit, on_path
 from lightfield.render.backend import use_backend
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
@@ -62,7 +62,7 @@ class Rendering:
         at, intensity = (
             over_bands(scene) if wavelengths_nm is None else at_wavelengths(scene.lamp, wavelengths_nm)
         )
-        grey = (
+        grey = not on_path(scene) and (
             np.ptp(absorption_per_m(scene.water, at.ravel()))
             == np.ptp(scattering_per_m(scene.water, at.ravel()))
             == 0
@@ -94,28 +94,47 @@ class Rendering:
         found = self.response.evaluate(
             a, b, *self.scene.reflectances, hardening=water.hardening_per_m, part=part
         )
+        if part != "diffuse" and on_path(self.scene):
+            found = with_own_path(self.scene, self.response, self.grid, wavelengths_nm, (a, b), found)
         mean, stderr = map(self.grid.in_water, found)
-        if part != "diffuse" and any(
-            effect.stage == "path" and not effect.is_off for effect in self.scene.effect
-        ):
-            mean, stderr = self._on_path(wavelengths_nm, a, b, mean, stderr)
         if intensity is None:
             return mean, stderr
         factor = np.asarray(intensity)[:, None, None, None]
         return mean * factor, stderr * factor
 
-    def _on_path(
-        self, wavelengths_nm: Array, a: Array, b: Array, mean: Array, stderr: Array
-    ) -> tuple[Array, Array]:
-        """Maps in which formulas of the user's own have acted on the light that comes straight."""
-        scene, places = self.scene, self.grid.centres()
-        straight, _ = self.response.evaluate(
-            a, b, *scene.reflectances, hardening=scene.water.hardening_per_m, part="direct"
-        )
-        left = np.array([factor(scene, ("path",), *places, w) - 1.0 for w in np.ravel(wavelengths_nm)])
-        change = self.grid.in_water(straight * left.reshape(straight.shape))
-        seen = np.divide(mean + change, mean, out=np.ones_like(mean), where=mean > 0)
-        return mean + change, stderr * seen
+
+def with_own_path(
+    scene: Scene,
+    response: TransportResponse,
+    grid: Grid,
+    wavelengths_nm: Array,
+    coefficients: tuple[Array, Array],
+    maps: tuple[Array, Array],
+) -> tuple[Array, Array]:
+    """Maps in which formulas of the user's own have acted on the light that comes straight.
+
+    Parameters
+    ----------
+    wavelengths_nm : array, shape (n,), nm
+    coefficients : two arrays, shape (n,), m^-1
+        Absorption and scattering, as the response was evaluated.
+    maps : two arrays, shape (n, n_planes, n_y, n_x)
+        Mean and standard error without them.
+
+    Raises
+    ------
+    SceneError
+        A formula has no finite value in the middle of every cell.
+    """
+    mean, stderr = maps
+    straight, _ = response.evaluate(
+        *coefficients, *scene.reflectances, hardening=scene.water.hardening_per_m, part="direct"
+    )
+    places = grid.centres()
+    left = np.array([factor(scene, ("path",), *places, w) - 1.0 for w in np.ravel(wavelengths_nm)])
+    change = straight * left.reshape(straight.shape)
+    seen = np.divide(mean + change, mean, out=np.ones_like(mean), where=mean > 0)
+    return mean + change, stderr * seen
 
 
 def render_scene(

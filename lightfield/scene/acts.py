@@ -16,6 +16,7 @@ class Acts(Flag):
     BEAM = auto()  #: radiant intensity over directions, as planes at some distance see it
     SOURCE = auto()  #: from where light starts
     AIR = auto()  #: light at readings in air, and at no other
+    STRAIGHT = auto()  #: light that comes straight from the lamp, and no other
     ABSORPTION = auto()  #: absorption coefficient of the water, the same everywhere
     BASE = auto()  #: the water that all else is added to
     SCATTERING = auto()  #: scattering coefficient of the water, the same everywhere

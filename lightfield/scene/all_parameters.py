@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
@@ -11,6 +12,7 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import OWN_FIELD
+from lightfield.scene.own.own_effect import OwnEffect
 from lightfield.scene.parameters import acts_of, fields_on, neutral_of, switched_off
 from lightfield.scene.scene import Scene
 from lightfield.scene.tank import Tank
@@ -25,15 +27,19 @@ def paths_on(what: Acts) -> tuple[str, ...]:
     return tuple(f"{part}.{name}" for part, model in PARTS.items() for name in fields_on(model, what))
 
 
-def acts_on(path: str) -> Acts:
+def acts_on(path: str, effects: Iterable[OwnEffect] = ()) -> Acts:
     """What the parameter at a dotted path acts on; nothing, where no scene has it.
 
     Parameters
     ----------
     path : str
         "water.phase.g" acts as "water.phase" does, "water.absorption_at.450nm" as "water.absorption_at".
+    effects : iterable of OwnEffect
+        The scene's, of one of which the path may speak.
     """
     part, name, *_ = f"{path}.".split(".")
+    if part == OWN_FIELD:
+        return next((effect.acts for effect in effects if effect.name == name), Acts(0))
     known = part in PARTS and name in PARTS[part].model_fields
     return acts_of(PARTS[part], name) if known else Acts(0)
 

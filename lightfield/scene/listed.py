@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, Protocol
 
 from lightfield.scene.own.own_effect import OwnEffect
-from lightfield.scene.parameters import Parameter, acts_of
+from lightfield.scene.parameters import Parameter
 from lightfield.scene.water.water import Water
 
 AT_FIELD = "absorption_at"
@@ -39,13 +39,13 @@ def listed_parameters(scene: Listing) -> Iterator[Parameter]:
     """Every number in the lists of a scene."""
     for wavelength, value in scene.water.absorption_at:
         path, meaning = f"{AT}{wavelength:g}nm", f"absorption at {wavelength:g} nm"
-        yield Parameter(path, "1/m", meaning, 0.0, 100.0, None, value, acts_of(Water, AT_FIELD))
+        yield Parameter(path, "1/m", meaning, 0.0, 100.0, None, value)
     for effect in scene.effect:
         for name, p in effect.parameters.items():
             meaning = p.meaning or f"{name} of the effect {effect.name}"
             low, high = p.range
             path = _own_path(effect.name, name)
-            yield Parameter(path, p.unit, meaning, low, high, p.neutral, p.now, effect.acts)
+            yield Parameter(path, p.unit, meaning, low, high, p.neutral, p.now)
 
 
 def listed_value(scene: Listing, path: str) -> float | None:

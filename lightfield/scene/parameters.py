@@ -61,7 +61,6 @@ class Parameter:
     high: float
     neutral: float | None
     value: float
-    acts_on: Acts
     open_ends: tuple[bool, bool] = (False, False)
 
     def allows(self, value: float) -> bool:
@@ -212,7 +211,6 @@ def numbers_of(
             high=high,
             neutral=float(neutral) if isinstance(neutral, int | float) else None,
             value=float(value),
-            acts_on=acts_of(type(part), name),
             open_ends=(_has(type(part), name, "gt"), _has(type(part), name, "lt")),
         )
 

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.errors import LightfieldError
 from lightfield.formula.closed_form import direct_field, lamps_of_window, optical_depth, rays
+from lightfield.formula.own_formulas import factor, lit, on_path
 from lightfield.maps.cells import axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
 from lightfield.render.response.grid import Grid
 from lightfield.scene import Lamp, Scene, Water
 from lightfield.scene.bands import over_bands
+from lightfield.scene.listed import OWN_FIELD
 
 ENOUGH_KNOWN, FEWEST_CELLS = 0.02, 3.5  # relative error of a cell, cells in a half width
 
@@ -26,24 +29,31 @@ class Formula:
 
     Parameters
     ----------
-    sources : tuple of (Lamp, array), array of shape (n_planes, n_y, n_x), m^-2
-        Points of the lamp's window, and the light of each, averaged over every cell, in clear water and for
-        unit on-axis intensity of the whole window.
+    sources : tuple of (Lamp, callable)
+        Points of the lamp's window, and the light of each at a wavelength in nm, averaged over every cell, in
+        clear water and for unit on-axis intensity of the whole window: shape (n_planes, n_y, n_x), m^-2.
     """
 
-    sources: tuple[tuple[Lamp, Array], ...]
+    sources: tuple[tuple[Lamp, Callable[[float], Array]], ...]
     grid: Grid
 
     @classmethod
     def of(cls, scene: Scene, grid: Grid) -> Formula | None:
-        """The formula of a scene's lamp and detector; None for a pencil beam, which has no formula."""
-        try:
-            sources = [
-                (point, share * _in_clear_water(scene.model_copy(update={"lamp": point}), grid))
-                for point, share in lamps_of_window(scene.lamp)
-            ]
-        except LightfieldError:
+        """The formula of a scene's lamp, detector and own effects; None for a pencil beam, which has none.
+
+        Raises
+        ------
+        SceneError
+            An own effect has no finite value somewhere.
+        """
+        if scene.lamp.profile == "pencil":
             return None
+        scene, sources = lit(scene), list[tuple[Lamp, Callable[[float], Array]]]()
+        for point, share in lamps_of_window(scene.lamp):
+            light = partial(_in_clear_water, scene, grid, point, share)
+            if not any(effect.speaks_of("wavelength") for effect in on_path(scene)):
+                light = partial(_always, light())
+            sources.append((point, light))
         return cls(tuple(sources), grid)
 
     def bands(self, scene: Scene) -> Array:
@@ -51,20 +61,33 @@ class Formula:
         z, y, x = np.meshgrid(self.grid.z_m, self.grid.y_m, self.grid.x_m, indexing="ij")
         spectrum = over_bands(scene)
         maps = np.zeros((len(spectrum.intensity), *self.grid.shape))
-        for point, field in self.sources:
+        for point, light in self.sources:
             # Within a cell the path changes far less than its attenuation length: the centre's will do.
             ray = rays(point, x, y, z)
             for total, band, power in zip(maps, *spectrum, strict=True):
                 for w, intensity in zip(band, power, strict=True):
-                    total += intensity / len(band) * field * np.exp(-optical_depth(scene.water, ray, z, w))
+                    left = np.exp(-optical_depth(scene.water, ray, z, w))
+                    total += intensity / len(band) * light(w) * left
         return maps
 
 
-def _in_clear_water(scene: Scene, grid: Grid) -> Array:
-    """Unattenuated direct light averaged over every cell, shape (n_planes, n_y, n_x)."""
-    clear, z = scene.model_copy(update={"water": Water()}), grid.z_m[:, None, None]
-    cells = grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m
-    return cell_mean(lambda x, y: direct_field(clear, x, y, z), *cells)
+def _in_clear_water(
+    scene: Scene, grid: Grid, point: Lamp, share: float, wavelength_nm: float | None = None
+) -> Array:
+    """Unattenuated direct light of a point of the window averaged over every cell, (n_planes, n_y, n_x)."""
+    alone = scene.model_copy(update={"lamp": point, "water": Water(), OWN_FIELD: ()})
+    z, cells = grid.z_m[:, None, None], (grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m)
+
+    def field(x: Array, y: Array) -> Array:
+        # Own effects speak of the lamp, and not of points of its window.
+        return direct_field(alone, x, y, z) * factor(scene, ("path",), x, y, z, wavelength_nm)
+
+    return np.asarray(share * cell_mean(field, *cells))
+
+
+def _always(light: Array, _wavelength_nm: float) -> Array:
+    """The same light at every wavelength."""
+    return light
 
 
 def derive(

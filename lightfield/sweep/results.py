@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.errors import OutputError, UsageError
+from lightfield.formula.own_formulas import lit
 from lightfield.maps.dataset import QUANTITIES
 from lightfield.scene import Scene
 from lightfield.scene.messages import nearest_keys
@@ -237,7 +238,7 @@ def as_rendering(data: xr.Dataset, steps: Mapping[str, int]) -> xr.Dataset:
     if int(case.status) != 1:
         why = str(case.message.values) or "not computed yet"
         raise OutputError(f"no map of {case_label(values)}", found=why, remedy="choose another case")
-    scene = apply(Scene.from_toml(data.attrs["scene_toml"]), values)
+    scene = lit(apply(Scene.from_toml(data.attrs["scene_toml"]), values))  # as a rendering's
     quantity = scene.detector.quantity
     dims = ("wavelength_nm", "z_m", "y_m", "x_m")
     maps = {quantity: (dims, case[name].values), f"{quantity}_stderr": (dims, case[f"{name}_stderr"].values)}

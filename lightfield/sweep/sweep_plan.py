@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.errors import LightfieldError, UsageError, one_line
+from lightfield.formula.own_formulas import lit
 from lightfield.render.maps import transport_key
 from lightfield.render.response.grid import Grid, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
@@ -29,6 +30,7 @@ BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose
 BLOCK_CASES = 256
 MOST_CASES = 2_000_000
 _SEEDS = 4_000_000  # more than there can be traces; the tracer's seed * 1009 + batch stays below 2**32
+_COMPOUND_ACTS = Acts.ABSORPTION | Acts.SCATTERING
 
 Told = tuple[tuple[str, Any], ...]  # values by path
 
@@ -181,12 +183,12 @@ def plan_of_single_cases(scene: Scene, axes: list[Axis], settings: SweepSettings
 
 def _axes_on(cases: Cases, what: Acts) -> list[int]:
     """Axes that set something which acts on any of these stages."""
-    coefficients = dict.fromkeys(COMPOUND, Acts.ABSORPTION | Acts.SCATTERING)
-    return [
-        i
-        for i, axis in enumerate(cases.axes)
-        if any(coefficients.get(path, acts_on(path)) & what for path in axis.values)
-    ]
+    return [i for i, axis in enumerate(cases.axes) if any(_acts(cases, path) & what for path in axis.values)]
+
+
+def _acts(cases: Cases, path: str) -> Acts:
+    """What a path of an axis acts on."""
+    return _COMPOUND_ACTS if path in COMPOUND else acts_on(path, cases.scene.effect)
 
 
 def _grids(cases: Cases, axes: Sequence[int]) -> list[Grid]:
@@ -219,7 +221,7 @@ def _transport(cases: Cases) -> dict[int, list[Told]]:
 
 def _told(cases: Cases, axis: Axis) -> list[Told]:
     """In what a trace of every step differs from one of the scene as it is."""
-    values = {path: v for path, v in axis.values.items() if acts_on(path) & (TRACED | Acts.PLACES)}
+    values = {path: v for path, v in axis.values.items() if _acts(cases, path) & (TRACED | Acts.PLACES)}
     if all(isinstance(v, int | float) and not isinstance(v, bool) for vs in values.values() for v in vs):
         now = {path: cases.scene.get(path) for path in values}
         return [
@@ -234,10 +236,11 @@ def _told(cases: Cases, axis: Axis) -> list[Told]:
 
 def _key(scene: Scene) -> str:
     """What a trace depends on beside the reference; light off the surface is told apart afterwards."""
-    scene = only(scene, TRACED | Acts.PLACES)
     try:
+        scene = only(lit(scene), TRACED | Acts.PLACES)
         return digest_of(transport_key(scene, scene_grid(scene), Reference(0.0, 0.0, 0.0)))
-    except (OSError, ValueError, TypeError) as error:  # its cases fail with their own message
+    except (LightfieldError, OSError, ValueError, TypeError) as error:
+        # Its cases fail with their own message.
         return f"impossible: {error}"
 
 

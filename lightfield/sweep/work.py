@@ -19,9 +19,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield.errors import LightfieldError, OutputError, one_line
+from lightfield.formula.own_formulas import lit, on_path
 from lightfield.progress import Listener, heard_by
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
-from lightfield.render.maps import render_scene
+from lightfield.render.maps import render_scene, with_own_path
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.settings import OnProgress
@@ -42,6 +43,7 @@ from lightfield.sweep.zarrfile import Variable
 
 EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
 TELL_EVERY_S = 1.0
+_GEOMETRY = TRACED | Acts.PLACES
 # One thread at a time computes: Dr.Jit's state is the process's, and two responses need twice the memory.
 _busy = threading.Lock()
 
@@ -193,10 +195,12 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
             for i, scene, mean, stderr in evaluated(response, scenes, failed, block):
                 grid = scene_grid(scene)
                 mean, stderr = grid.in_water(mean), grid.in_water(stderr)
-                formula = _formula(only(scene, TRACED | Acts.PLACES))
-                found = derive(
-                    mean, stderr, None if formula is None else formula.bands(scene), grid, response.merged
-                )
+                try:
+                    formula = _formula(scene)
+                except LightfieldError as error:
+                    failed[int(block.cases[i])] = one_line(error)[:240]
+                    continue
+                found = derive(mean, stderr, formula, grid, response.merged)
                 if target.quantity in results:
                     results[target.quantity][i], results[f"{target.quantity}_stderr"][i] = mean, stderr
                 for name, key, _, _ in names:
@@ -236,7 +240,13 @@ def evaluated(
     mean and stderr have shape (n_bands, n_planes, n_y, n_x) and absolute units.
     """
     most = max(1, int(EVALUATE_BYTES / (8 * response.tally.shape[0] * response.tally.shape[2])))
-    for _, alike in groupby(scenes, key=lambda pair: (pair[1].water.hardening_per_m, _evaluations(pair[1]))):
+
+    def together(pair: tuple[int, Scene]) -> tuple[object, ...]:
+        i, scene = pair
+        # Own effects on the path are weighed case by case, and fail so.
+        return scene.water.hardening_per_m, _evaluations(scene), i if on_path(scene) else None
+
+    for _, alike in groupby(scenes, key=together):
         members = list(alike)
         per_case = prod(_evaluations(members[0][1]))
         step = max(1, most // per_case)
@@ -245,7 +255,7 @@ def evaluated(
             try:
                 means, errors = _evaluate(response, [scene for _, scene in part])
             except LightfieldError as error:
-                failed |= {int(block.cases[i]): str(error)[:240] for i, _ in part}
+                failed |= {int(block.cases[i]): one_line(error)[:240] for i, _ in part}
                 continue
             for (i, scene), mean, stderr in zip(part, means, errors, strict=True):
                 if not np.isfinite(mean).all() or np.isnan(stderr).any():
@@ -259,14 +269,19 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
     columns, weights = [], []
     for scene in scenes:
         (at, intensity), (rho, surface) = over_bands(scene), scene.reflectances
-        if is_grey(scene.water):  # one map serves all bands
+        if _evaluations(scene) == (1, 1):  # one map serves all bands
             at, intensity = at[:1, :1], intensity.mean(axis=1, keepdims=True)
         a, b = coefficients_in(scene.water, at.ravel(), response.reference.molecular_share)
         columns.append(np.array([a, b, np.full_like(a, rho), np.full_like(a, surface)]))
         weights.append(intensity / intensity.shape[1])
     shape = (len(scenes), *_evaluations(scenes[0]), *response.shape)
     hardening = scenes[0].water.hardening_per_m
-    mean, stderr = response.evaluate(*np.concatenate(columns, axis=1), hardening=hardening)
+    a, b, rho, surface = np.concatenate(columns, axis=1)
+    mean, stderr = response.evaluate(a, b, rho, surface, hardening=hardening)
+    if on_path(scenes[0]):
+        (scene,) = scenes
+        at = over_bands(scene).wavelength_nm.ravel()
+        mean, stderr = with_own_path(scene, response, scene_grid(scene), at, (a, b), (mean, stderr))
     factor = np.array(weights)[..., None, None, None]
     with np.errstate(invalid="ignore"):
         # Wavelengths of a band share their photons: errors add up, they do not average out.
@@ -274,15 +289,16 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
 
 
 def _evaluations(scene: Scene) -> tuple[int, int]:
-    """How many bands, and wavelengths in each, are evaluated: one in grey water."""
-    return (1, 1) if is_grey(scene.water) else (len(scene.detector.bands_nm), PIECES)
+    """How many bands, and wavelengths in each, are evaluated: one in grey water without own effects."""
+    grey = is_grey(scene.water) and not on_path(scene)
+    return (1, 1) if grey else (len(scene.detector.bands_nm), PIECES)
 
 
 def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str]) -> list[tuple[int, Scene]]:
     scenes = []
     for i in places:
         try:
-            scenes.append((i, cases.build(int(block.cases[i]))))
+            scenes.append((i, lit(cases.build(int(block.cases[i])))))
         except (LightfieldError, ValueError, TypeError) as error:
             failed[int(block.cases[i])] = one_line(error)[:240]
     return scenes
@@ -293,8 +309,14 @@ def _is_result(name: str, target: MapTarget) -> bool:
     return name in derived or name in (target.quantity, f"{target.quantity}_stderr")
 
 
+def _formula(scene: Scene) -> np.ndarray | None:
+    """Maps of the formula, shape (n_bands, n_planes, n_y, n_x); None where it has none."""
+    formula = Formula.of(scene, scene_grid(scene)) if on_path(scene) else _geometry(only(scene, _GEOMETRY))
+    return None if formula is None else formula.bands(scene)
+
+
 @lru_cache(maxsize=4)
-def _formula(scene: Scene) -> Formula | None:
+def _geometry(scene: Scene) -> Formula | None:
     """Geometry of the formula in a scene of lamp, tank and detector alone, remembered for the next case."""
     return Formula.of(scene, scene_grid(scene))
 

@@ -157,19 +157,22 @@ class OwnEffect(Part):
         """Is every amplitude at its neutral value?"""
         return all(p.neutral is None or p.now == p.neutral for p in self.parameters.values())
 
+    def speaks_of(self, variable: str) -> bool:
+        """Does its formula depend on a variable of its stage?"""
+        return variable in self._expression.names
+
     @property
     def is_of_angle(self) -> bool:
         """Is it a factor on the beam's shape?"""
-        return self.stage == "source" and "theta" in self._expression.names
+        return self.stage == "source" and self.speaks_of("theta")
 
     @property
     def acts(self) -> Acts:
         """What of the light's way it changes."""
         if self.is_of_angle:
             return Acts.BEAM
-        return {"source": Acts.TIME, "path": Acts.PLACES, "receiver": Acts.TIME, "readout": Acts.READOUT}[
-            self.stage
-        ]
+        of_light = {"source": Acts.POWER | Acts.TIME, "path": Acts.STRAIGHT}
+        return of_light.get(self.stage, Acts.READOUT)
 
     def at(self, places: Places, signal: Array | float = 1.0) -> Array:
         """The factor, or the new reading over the largest, shape (n,).

@@ -24,6 +24,7 @@ from lightfield.render.tracer.planes import OPEN_WATER_REACH, Planes
 from lightfield.render.xml import mitsuba_dict
 from lightfield.scene import Detector, Lamp, Scene, Tank, Water
 from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import acts_on
 from lightfield.scene.lamp.frame import beam_angles, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.receiver import RECEIVER, response
@@ -85,7 +86,7 @@ def test_intensity_of_the_beam(profile: str, departure: Any, tmp_path: Path) -> 
     given: dict[str, Any] = {
         path.removeprefix("lamp."): p.value + 0.2 * (abs(p.value) or min(1.0, p.high))
         for path, p in beam.items()
-        if p.acts_on & Acts.BEAM
+        if acts_on(path) & Acts.BEAM
     }
     if profile == "table":
         (tmp_path / "beam.csv").write_text("angle_deg,intensity\n0,1\n2,0.9\n9,0.2\n40,0\n")
