@@ -204,15 +204,24 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
     Raises
     ------
     UsageError
-        No axis, or two that set the same parameter.
+        No axis, two that set the same parameter, or a part of a scene as a whole.
     SceneError
         An unknown path, or a value that the parameter cannot have.
     """
     if not axes:
         raise UsageError("nothing is varied", remedy=f"PATH=RANGE with RANGE {FORMS}, or a plan file")
     paths = [path for axis in axes for path in axis.values]
-    names = [axis.name for axis in axes]
-    for double in {p for p in paths if paths.count(p) > 1} | {n for n in names if names.count(n) > 1}:
+    whole = next((path for path in paths if path in Scene.model_fields), None)
+    if whole is not None:
+        raise UsageError(
+            "not a parameter",
+            found=whole,
+            rule="PATH is that of one parameter, such as lamp.hwhm_deg",
+            remedy="vary what changes in it; a plan file varies several parameters together",
+        )
+    # Names of coordinates: of paths, and of axes that set several.
+    names = [name for axis in axes for name in {axis.name, *axis.values}]
+    for double in sorted({name for name in names if names.count(name) > 1}):
         raise UsageError("varied twice", found=double, rule="one axis per parameter")
     compound = [path for path in paths if path in COMPOUND]
     for path in paths:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from lightfield import __version__
+from lightfield.errors import UsageError
 from lightfield.maps.dataset import PLACE, QUANTITIES, scene_attributes
 from lightfield.render.response.grid import Grid
 from lightfield.sweep.axes import COMPOUND, Axis
@@ -47,11 +48,11 @@ class SweepKind:
 
 
 def variables_of(plan: SweepPlan) -> dict[str, Variable]:
-    """Every variable of the store."""
+    """Every variable of the store; raises as `beside_axes`."""
     cases, grid, maps = plan.cases, plan.grids[0], map_dims(plan)
     dims, shape = tuple(axis.name for axis in cases.axes), cases.shape
     quantity, units, meaning, area_units = quantity_of(plan)
-    variables = axis_variables(plan)
+    variables: dict[str, Variable] = {}
     sizes = {maps[0]: plan.bands, **dict(zip(maps[1:], grid.shape, strict=True))}
     for name, unit, text in (
         ("wavelength_nm", "nm", "centre of the band"),
@@ -84,18 +85,32 @@ def variables_of(plan: SweepPlan) -> dict[str, Variable]:
             "f8",
             {"units": unit, "long_name": text},
         )
-    return variables | state_variables(plan)
+    return beside_axes(plan, variables)
 
 
-def axis_variables(plan: SweepPlan) -> dict[str, Variable]:
-    """Coordinates along the axes."""
-    variables: dict[str, Variable] = {}
+def beside_axes(plan: SweepPlan, results: dict[str, Variable]) -> dict[str, Variable]:
+    """Coordinates along the axes, results, and the state of every case.
+
+    Raises
+    ------
+    UsageError
+        An axis has the name of something else in the store.
+    """
+    along: dict[str, Variable] = {}
     for axis in plan.cases.axes:
-        variables |= _axis_coordinates(plan, axis)
-    return variables
+        along |= _axis_coordinates(plan, axis)
+    others = results | _state_variables(plan)
+    for name in along:
+        if name in others or any(variable.dims.count(name) > 1 for variable in others.values()):
+            raise UsageError(
+                "this name is taken", where="name of an axis", found=name,
+                rule="the store has a variable or a dimension of its own that is called so",
+                remedy="choose another name",
+            )  # fmt: skip
+    return along | others
 
 
-def state_variables(plan: SweepPlan) -> dict[str, Variable]:
+def _state_variables(plan: SweepPlan) -> dict[str, Variable]:
     """The state of every case."""
     dims, shape = tuple(axis.name for axis in plan.cases.axes), plan.cases.shape
     variables: dict[str, Variable] = {}

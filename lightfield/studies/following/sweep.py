@@ -32,8 +32,7 @@ from lightfield.sweep.schema import (
     SweepKind,
     axes_as_plain,
     axis_coordinates,
-    axis_variables,
-    state_variables,
+    beside_axes,
 )
 from lightfield.sweep.sweep_plan import Block, SweepPlan, SweepSettings, plan_of_single_cases
 from lightfield.sweep.work import BlockDone, peak_bytes, worker_name, write_block
@@ -158,7 +157,7 @@ def as_data(data: xr.Dataset) -> dict[str, Any]:
 
 
 def _variables(plan: SweepPlan) -> dict[str, Variable]:
-    cases, found = plan.cases, axis_variables(plan)
+    cases, found = plan.cases, dict[str, Variable]()
     dims = tuple(axis.name for axis in cases.axes)
     tasks = {value for axis in cases.axes for value in axis.values.get(TASK, ())} or {cases.scene.get(TASK)}
     for name, (unit, meaning) in METRICS.items():
@@ -167,7 +166,7 @@ def _variables(plan: SweepPlan) -> dict[str, Variable]:
         for suffix, what in KEPT.items():
             attrs = {"units": unit, "long_name": f"{what}: {meaning}"}
             found[name + suffix] = Variable(dims, cases.shape, plan.chunks, "f8", attrs)
-    return found | state_variables(plan)
+    return beside_axes(plan, found)
 
 
 def _attributes(plan: SweepPlan, runs: int, photons: float) -> dict[str, Any]:

@@ -8,7 +8,10 @@ import pytest
 
 from lightfield.errors import LightfieldError, SceneError, UsageError
 from lightfield.scene import Scene
-from lightfield.sweep.axes import ALBEDO, ATTENUATION, apply, checked_axes, parse_axis, read_plan
+from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis, apply, checked_axes, parse_axis, read_plan
+from lightfield.sweep.runner import run_sweep
+from lightfield.sweep.schema import variables_of
+from lightfield.sweep.sweep_plan import SweepSettings, make_plan
 
 SCENE = Scene.from_toml("[water]\nabsorption_per_m = 0.1\nscattering_per_m = 0.3\n[tank]\n")
 
@@ -56,6 +59,8 @@ def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> N
         (["detector.width_m=0:1:3"], "impossible value; found 0.0; rule: above 0 to 10000"),
         (["tank.wall_albedo=0,1.5"], "impossible value.*0 to 1"),
         (["water.scattering_per_m=0,1", "water.scattering_per_m=2,3"], "varied twice"),
+        (["lamp=1,2"], "not a parameter; found 'lamp'; rule: PATH is that of one parameter"),
+        (["effect=1,2"], "not a parameter; found 'effect'"),
         ([f"{ALBEDO}=0,2"], "impossible value.*0 to 1"),
         ([f"{ATTENUATION}=1,2", "water.absorption_per_m=0,1"], "both set absorption and scattering"),
         (["lamp.profile=round,square"], "lamp.profile"),
@@ -65,6 +70,31 @@ def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> N
 def test_wrong_axes_are_refused_before_any_work(ranges: list[str], says: str) -> None:
     with pytest.raises(LightfieldError, match=says):
         checked_axes([parse_axis(text) for text in ranges], SCENE)
+
+
+def test_an_axis_does_not_have_the_name_of_what_another_one_sets() -> None:
+    """Both would be the same coordinate."""
+    named = Axis("water.scattering_per_m", {"lamp.power_w": (10.0, 20.0)})
+    both = Axis("both", {"water.scattering_per_m": (0.0, 1.0), "lamp.hwhm_deg": (3.0, 4.0)})
+    with pytest.raises(UsageError, match=r"varied twice; found 'water\.scattering_per_m'"):
+        checked_axes([named, both], SCENE)
+
+
+@pytest.mark.parametrize("name", ["z_m", "irradiance", "half_width_m", "status", "wavelength_nm"])
+def test_an_axis_does_not_have_the_name_of_a_variable_of_the_store(name: str, tmp_path: Path) -> None:
+    """One of the two would be lost; nothing is written."""
+    plan = make_plan(SCENE, [Axis(name, {"lamp.power_w": (10.0, 20.0)})], SweepSettings())
+    with pytest.raises(UsageError, match=f"this name is taken; found '{name}'"):
+        run_sweep(plan, tmp_path / "s.zarr")
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_axis_does_not_have_the_name_of_a_dimension_of_the_store() -> None:
+    """Where the bands vary, they are counted along `band`."""
+    bands = Axis("detector.bands_nm", {"detector.bands_nm": (((400.0, 450.0),), ((500.0, 550.0),))})
+    plan = make_plan(SCENE, [bands, Axis("band", {"lamp.power_w": (10.0, 20.0)})], SweepSettings())
+    with pytest.raises(UsageError, match="this name is taken; found 'band'"):
+        variables_of(plan)
 
 
 def test_a_scene_without_a_tank_has_no_walls_to_vary() -> None:
