@@ -25,6 +25,7 @@ from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene, with_own_path
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.response_cache import is_damage
 from lightfield.render.settings import OnProgress
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
@@ -352,7 +353,9 @@ def _read(file: Path) -> tuple[TransportResponse, float] | None:
             return TransportResponse.unpacked(d, reference), float(d["reached"])
     except FileNotFoundError:
         return None
-    except Exception:  # whatever a damaged file makes NumPy or zipfile raise
+    except Exception as error:
+        if not is_damage(error):
+            raise
         file.unlink(missing_ok=True)
         return None
 

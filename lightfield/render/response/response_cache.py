@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import logging
 import os
+import zipfile
+import zlib
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -19,6 +22,8 @@ from lightfield.storage.files import atomic_path, remove_leftovers
 
 FORMAT = 23  # raised whenever the walk, the tally, the light at readings or this file's layout changes
 LARGEST_BYTES = 4 << 30  # the entries used longest ago make room for new ones
+#: RuntimeError: it says that it is encrypted, or of a later version of zip.
+_OF_DAMAGE = (ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
 log = logging.getLogger(__name__)
 
 
@@ -29,7 +34,7 @@ def digest_of(key: Mapping[str, Any]) -> str:
 
 
 def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
-    """Arrays stored under `key`, or None when there are none, or none that can be trusted."""
+    """Arrays stored under `key`, or None when there are none, or none that can be read and trusted."""
     path = _path(key)
     if not path.exists():
         return None
@@ -42,11 +47,23 @@ def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
         with suppress(OSError):  # a cache that may be read but not written
             os.utime(path)
         return arrays
-    except Exception as error:  # whatever a damaged file makes NumPy or zipfile raise
-        log.warning("cache entry %s is damaged (%s) and is rebuilt", path.name, error)
-        with suppress(OSError):
-            path.unlink(missing_ok=True)
+    except Exception as error:
+        if is_damage(error):
+            log.warning("cache entry %s is damaged (%s) and is rebuilt", path.name, error)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+        elif isinstance(error, OSError):  # it may be sound
+            log.warning("cache entry %s cannot be read (%s) and is not used", path.name, error)
+        else:
+            raise
         return None
+
+
+def is_damage(error: Exception) -> bool:
+    """Is it what a damaged archive makes zipfile and NumPy raise? No lack of memory, no fault of a disk."""
+    if isinstance(error, OSError):
+        return error.errno == errno.EINVAL  # a place before the beginning of the file was looked for
+    return isinstance(error, _OF_DAMAGE)
 
 
 def save(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:

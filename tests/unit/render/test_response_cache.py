@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import fields
 from pathlib import Path
 
@@ -65,6 +66,25 @@ def test_every_flipped_bit_of_the_numbers_is_noticed(entry: Path) -> None:
         data[place] ^= 1
         entry.write_bytes(bytes(data))
         assert response_cache.load(KEY) is None
+
+
+@pytest.mark.parametrize("fault", [MemoryError("no room"), OSError(errno.EIO, "a fault of the disk")])
+def test_what_is_no_damage_leaves_the_entry(
+    fault: Exception, entry: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It may be read another time. Without memory there is no answer; without a disk it is computed anew."""
+
+    def failing(*_: object, **__: object) -> None:
+        raise fault
+
+    with monkeypatch.context() as patched:
+        patched.setattr(response_cache.np, "load", failing)
+        if isinstance(fault, MemoryError):
+            with pytest.raises(MemoryError):
+                response_cache.load(KEY)
+        else:
+            assert response_cache.load(KEY) is None
+    assert response_cache.load(KEY) is not None
 
 
 @pytest.mark.parametrize("kept", [0, 1, 100, 0.5, 0.99])
