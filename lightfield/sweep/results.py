@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -213,9 +214,17 @@ def case_values(data: xr.Dataset, steps: Mapping[str, int]) -> dict[str, Any]:
 
 
 def case_label(values: Mapping[str, Any]) -> str:
-    """Short name of a case, usable as a folder."""
-    parts = [f"{path}={v:g}" if isinstance(v, float) else f"{path}={v}" for path, v in values.items()]
-    return "_".join(parts).replace("/", "-").replace(" ", "")
+    """Short name of a case, usable as a folder: another one for all other values."""
+    return "_".join(f"{path}={_word(value)}" for path, value in values.items())
+
+
+def _word(value: Any) -> str:
+    """A value in a name, as short as tells it from all others."""
+    if isinstance(value, float):
+        short = f"{value:g}"
+        return short if float(short) == value else repr(value)
+    text = value if isinstance(value, str) else json.dumps(value, separators=(",", ":"))
+    return re.sub(r"[%/= ]", lambda found: f"%{ord(found[0]):02X}", text)
 
 
 def as_rendering(data: xr.Dataset, steps: Mapping[str, int]) -> xr.Dataset:
