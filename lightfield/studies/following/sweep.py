@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield import __version__
-from lightfield.errors import LightfieldError, one_line
+from lightfield.errors import BackendError, LightfieldError, OutputError, one_line
 from lightfield.maps.dataset import CONVENTIONS
 from lightfield.render.limits import FIELD_PHOTONS, PHOTONS
 from lightfield.scene import Scene
@@ -120,7 +120,13 @@ def run_follow_sweep(
 
 
 def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: FollowTarget) -> BlockDone:
-    """Run the follower of every case of a block and write its metrics."""
+    """Run the follower of every case of a block and write its metrics.
+
+    Raises
+    ------
+    BackendError, OutputError
+        The machine cannot compute, or not write.
+    """
     started = time.perf_counter()
     failed: dict[int, str] = {}
     kept = [name for name in METRICS if name in target.variables]
@@ -132,6 +138,8 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: F
                 {scene.name: scene}, runs=target.runs, seed=target.seed, photons=target.photons,
                 densest=target.densest,
             )  # fmt: skip
+        except (BackendError, OutputError):
+            raise  # of the machine: no answer about the case
         except LightfieldError as error:
             failed[number] = one_line(error)[:240]
             continue

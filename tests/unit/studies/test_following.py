@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield import cli
-from lightfield.errors import OutputError, SceneError
+from lightfield.errors import BackendError, OutputError, SceneError
 from lightfield.report.follower.follow_page import follow_sweep_page, following_page
 from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -18,6 +18,7 @@ from lightfield.studies.follower.bias import belief
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, wrapped
 from lightfield.studies.follower.tracking import Filter
+from lightfield.studies.following import sweep
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.loop import _Moving
 from lightfield.studies.following.metrics import OverRuns
@@ -273,6 +274,30 @@ def test_a_case_that_cannot_be_is_recorded(tmp_path: Path) -> None:
     _, done = run_follow_sweep(scene, axes, tmp_path / "runs.zarr", runs=1, photons=0)
     assert done.failed == 1
     assert "not nearer" in str(open_store(tmp_path / "runs.zarr", QUANTITY).message.values[1])
+
+
+def test_a_machine_that_cannot_compute_says_nothing_of_a_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next time it is done; a place that cannot be written ends the runs at once."""
+    scene, store = KNOWN.with_values({"follower.mission.duration_s": 1.0}), tmp_path / "runs.zarr"
+    axes = [parse_axis("follower.mission.law=pid,lqr", "")]
+
+    def failing(error: Exception) -> None:
+        def failed(*_: object, **__: object) -> None:
+            raise error
+
+        monkeypatch.setattr(sweep, "follow", failed)
+
+    failing(BackendError("no card"))
+    _, first = run_follow_sweep(scene, axes, store, runs=1, photons=0)
+    assert (first.failed, first.again) == (2, 2) and not verify(store).complete
+    failing(OutputError("no room"))
+    with pytest.raises(OutputError, match="no room"):
+        run_follow_sweep(scene, axes, store, runs=1, photons=0)
+    monkeypatch.undo()
+    _, done = run_follow_sweep(scene, axes, store, runs=1, photons=0)
+    assert (done.cases_done, done.failed) == (2, 0) and verify(store).complete
 
 
 @pytest.mark.slow

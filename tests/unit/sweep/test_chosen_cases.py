@@ -1,4 +1,4 @@
-"""Cases are chosen and called by the values of their steps, as they are printed; nothing near is taken for one."""
+"""Cases are chosen and called by the values of their steps, as they are printed; nothing near is one."""
 
 from __future__ import annotations
 
