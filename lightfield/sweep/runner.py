@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
@@ -164,6 +165,7 @@ class _Dispatch:
         self.target = store.kind.target(plan, store.path, store.variables)
         self.completed = as_completed([], loop=client.loop)
         self.running: dict[str, tuple[bool, int]] = {}  # is it a trace, and its number
+        self.telling = threading.Lock()  # held where `running` or the progress change, or are told of
         self.users: dict[int, set[int]] = {}  # blocks that still need a trace
         self.pending: dict[int, set[int]] = {}  # traces that a block still waits for
         self.broken: dict[int, str] = {}  # traces that failed, and why
@@ -173,10 +175,10 @@ class _Dispatch:
     def heard(self, event: tuple[float, dict[str, Any]]) -> None:
         """A worker says how far a trace is; in the client's own thread."""
         _, told = event
-        if (True, told["trace"]) in self.running.values():
-            self.progress.underway[told["trace"]] = told["part"]
-            if self.report is not None:
-                self.report(self.progress)
+        with self.telling:
+            if (True, told["trace"]) in self.running.values():
+                self.progress.underway[told["trace"]] = told["part"]
+                self._report()
 
     def follow(self, left: list[Block]) -> None:
         """Work until no block is left."""
@@ -192,9 +194,7 @@ class _Dispatch:
         self._submit_traces()
         while self.running:
             job = next(self.completed)
-            is_trace, number = self.running.pop(job.key)
-            if is_trace:
-                self.progress.underway.pop(number, None)
+            is_trace, number = self._finished(job.key)
             result = self._result(job, is_trace, number)
             if isinstance(result, TraceDone):
                 self._traced(result)
@@ -203,6 +203,14 @@ class _Dispatch:
             elif result is not None:
                 self._written(result)
             self._submit_traces()
+
+    def _finished(self, key: str) -> tuple[bool, int]:
+        """Forget a job: is it a trace, and its number."""
+        with self.telling:
+            is_trace, number = self.running.pop(key)
+            if is_trace:
+                self.progress.underway.pop(number, None)
+        return is_trace, number
 
     def _result(self, job: Any, is_trace: bool, number: int) -> TraceDone | BlockDone | None:
         """Report of a job; one that failed is noted, unless it says that nothing can be written."""
@@ -226,13 +234,14 @@ class _Dispatch:
             return BlockDone(number, failed, {}, 0.0, "", 0, again)
 
     def _traced(self, result: TraceDone) -> None:
-        self.progress.traced += 1
-        self.progress.photons += result.photons
-        self.progress.trace_seconds += result.seconds
         self.store.record(
             trace=result.number, photons=result.photons, reached=result.reached, seconds=result.seconds
         )
-        _note(self.progress, result, self.report)
+        with self.telling:
+            self.progress.traced += 1
+            self.progress.photons += result.photons
+            self.progress.trace_seconds += result.seconds
+            self._note(result)
         self._release(result.number)
 
     def _release(self, trace: int) -> None:
@@ -258,11 +267,12 @@ class _Dispatch:
             files=result.files,
             **({"again": True} if again else {}),
         )
-        self.progress.again += len(result.failed) if again else 0
-        self.progress.cases_done += len(block.cases)
-        self.progress.failed += len(result.failed)
-        self.progress.block_seconds += result.seconds
-        _note(self.progress, result, self.report)
+        with self.telling:
+            self.progress.again += len(result.failed) if again else 0
+            self.progress.cases_done += len(block.cases)
+            self.progress.failed += len(result.failed)
+            self.progress.block_seconds += result.seconds
+            self._note(result)
         for trace in block.traces:
             self.users[trace].discard(result.number)
             if not self.users[trace]:
@@ -286,15 +296,19 @@ class _Dispatch:
     def _submit(self, is_trace: bool, number: int, work: Callable[..., Any], *args: Any) -> None:
         # Blocks first: a trace on disk is used up before the next one is made.
         job = self.client.submit(work, *args, pure=False, priority=0 if is_trace else 10)
-        self.running[job.key] = (is_trace, number)
+        with self.telling:
+            self.running[job.key] = (is_trace, number)
         self.completed.add(job)
 
+    def _note(self, result: TraceDone | BlockDone) -> None:
+        if result.worker:
+            workers = self.progress.workers
+            workers[result.worker] = max(workers.get(result.worker, 0), result.peak_bytes)
+        self._report()
 
-def _note(progress: SweepProgress, result: TraceDone | BlockDone, report: Report | None) -> None:
-    if result.worker:
-        progress.workers[result.worker] = max(progress.workers.get(result.worker, 0), result.peak_bytes)
-    if report is not None:
-        report(progress)
+    def _report(self) -> None:
+        if self.report is not None:
+            self.report(self.progress)
 
 
 def _reason(error: BaseException) -> str:
