@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT_SECONDS = 15
+#: In which workers begin, and one second more for each of them; a busy machine takes half a minute.
+WORKER_SECONDS = 150
 _WARNINGS = "PYTHONWARNINGS"
 LOOPBACK = "127.0.0.1"  # whoever reaches a scheduler or a worker can run code in it: nobody from outside
 
@@ -80,7 +82,7 @@ def connected(
     UsageError
         Nobody answers at that address.
     BackendError
-        A worker cannot compute.
+        A worker cannot compute, or none comes.
     """
     import dask
     from distributed import Client
@@ -117,7 +119,9 @@ def connected(
                     remedy="start one with `dask scheduler`",
                 ) from error
             if not client.scheduler_info()["workers"]:
-                client.wait_for_workers(1, timeout=10 * CONNECT_SECONDS)
+                _wait_for_workers(
+                    client, 1, f"scheduler {scheduler}", f"start one: `dask worker {scheduler}`"
+                )
         else:
             client = stack.enter_context(_local(workers, memory_gb))
         client.register_plugin(_plugin(store.resolve()))
@@ -150,8 +154,29 @@ def _local(workers: int, memory_gb: float | None) -> Iterator[Client]:
         # Also later: a worker that ends is replaced.
         stack.enter_context(_script_left_alone())
         cluster.scale(max(1, workers))
-        client.wait_for_workers(max(1, workers))
+        _wait_for_workers(client, max(1, workers), "local workers", "fewer of them, or a machine less busy")
         yield client
+
+
+def _wait_for_workers(client: Client, count: int, where: str, remedy: str) -> None:
+    """Return once so many workers are there.
+
+    Raises
+    ------
+    BackendError
+        They are not, after a while.
+    """
+    from distributed import TimeoutError as TooLate
+
+    limit_s = WORKER_SECONDS + count
+    try:
+        client.wait_for_workers(count, timeout=limit_s)
+    except TooLate as error:
+        there = len(client.scheduler_info()["workers"])
+        raise BackendError(
+            f"{there} of {count} workers have begun", where=where, rule=f"all of them within {limit_s} s",
+            remedy=remedy,
+        ) from error  # fmt: skip
 
 
 @contextmanager

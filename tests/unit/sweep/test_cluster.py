@@ -1,4 +1,4 @@
-"""A stop while workers are being started: what was begun is closed, in its order."""
+"""A stop while workers are being started: what was begun is closed, in its order. So are waits in vain."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import distributed
 import pytest
 
+from lightfield.errors import BackendError
 from lightfield.sweep.cluster import connected
 
 
@@ -64,3 +66,30 @@ os._exit(0)
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0
     assert ("leaked semaphore" in done.stderr) == (not silent), done.stderr
+
+
+class Alone:
+    """A client whose scheduler has no worker, and gets none."""
+
+    def wait_for_workers(self, count: int, timeout: float) -> None:
+        raise distributed.TimeoutError(f"{count} after {timeout} s")
+
+    def scheduler_info(self) -> dict[str, Any]:
+        return {"workers": {}}
+
+
+def test_workers_that_never_come_are_one_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At a scheduler of one's own, and here: nobody waits for ever."""
+
+    @contextmanager
+    def client(*_: object, **__: object) -> Iterator[Alone]:
+        yield Alone()
+
+    monkeypatch.setattr(distributed, "Client", client)
+    with (
+        pytest.raises(BackendError, match="scheduler tcp://h:1: 0 of 1 workers have begun.*dask worker"),
+        connected(tmp_path, scheduler="tcp://h:1"),
+    ):
+        pytest.fail("no worker")
+    with pytest.raises(BackendError, match="local workers: 0 of 1 workers have begun"), connected(tmp_path):
+        pytest.fail("no worker")
