@@ -15,6 +15,15 @@ OnProgress = Callable[
 PICTURE_PIXELS, PICTURE_SAMPLES = (16, 8192), (2, 100_000)
 #: Relative error, the least that may be asked for, of a trace that ends with its photons.
 BY_PHOTONS = REL_ERROR.low
+#: Independent batches of a trace, from whose spread errors come: as many as a tally of so many bytes holds.
+FEWEST_BATCHES, BATCHES, TALLY_BYTES = 4, 10, 900e6
+#: Steps in which paths are tallied: absorption changes little over one.
+PATH_NODES = 28
+
+
+def batches_of(cells: float, rows: float) -> int:
+    """Batches of a trace whose tally has so many cells and rows, in single precision."""
+    return int(min(max(TALLY_BYTES / (4 * cells * rows), FEWEST_BATCHES), BATCHES))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from math import sqrt
 import numpy as np
 
 from lightfield.progress import duration
+from lightfield.render.settings import PATH_NODES, batches_of
 from lightfield.sweep.sharing import Trace
 from lightfield.sweep.sweep_plan import SweepPlan
 
@@ -15,7 +16,6 @@ from lightfield.sweep.sweep_plan import SweepPlan
 PHOTONS_PER_SECOND = 1.5e5
 SECONDS_PER_VALUE = 5e-7  # of a map: evaluated, measured, compressed
 BYTES_PER_VALUE = 3.3  # of a map on disk, after compression
-BATCHES, PATH_NODES, MOST_TALLY = 10, 28, 900e6
 PROGRAM_BYTES = 450e6
 
 
@@ -47,7 +47,8 @@ def sweep_cost(plan: SweepPlan) -> Cost:
 def _tally_bytes(plan: SweepPlan, trace: Trace) -> float:
     mean = trace.reference.scattering_per_m * float(plan.grids[0].z_m.max()) * 1.2
     channels = mean + 4 * sqrt(mean) + 2 + (18 if trace.reference.wall_albedo > 0 else 0)
-    return min(BATCHES * 4.0 * plan.cells * PATH_NODES * channels, MOST_TALLY)
+    rows = PATH_NODES * channels
+    return batches_of(plan.cells, rows) * 4.0 * plan.cells * rows
 
 
 def as_text(plan: SweepPlan) -> str:

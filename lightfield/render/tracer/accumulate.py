@@ -23,20 +23,18 @@ from lightfield.render.response.response import (
     light_classes,
 )
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, mirror_images, symmetric
-from lightfield.render.settings import BY_PHOTONS, OnProgress, Settings
+from lightfield.render.settings import BY_PHOTONS, OnProgress, Settings, batches_of
 from lightfield.render.tracer.build import Setup, assembled
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import coefficients_in
 
-BATCHES = 10
 FIRST_LAUNCH = 1 << 16
 #: Between two launches lie some 30 ms of the host in the tow tank, beside an H100 that traces four million
 #: photons in less.
 LARGEST_LAUNCH = {"llvm": 1 << 20, "cuda": 1 << 22}
 PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
-TALLY_BYTES = 900e6
 DIRECTION_BATCHES = 8
 #: Of a tally by direction that is made at a time: for the rest of a larger one as many photons walk again.
 DIRECTIONS_BYTES = 120e6
@@ -67,7 +65,7 @@ def trace_until(
     images = mirror_images(scene, grid) if mirrored else None
     setup = assembled(scene, grid, reference, images=images, path_nodes=path_nodes)
     cells, rows = setup.planes.cells, setup.histories.size
-    batches = int(np.clip(TALLY_BYTES / (4 * cells * rows), 4, BATCHES))
+    batches = batches_of(cells, rows)
     sums = np.zeros((batches, rows, cells), np.float32)
     listed = cells if images is None else len(images.place)
     largest = int(np.clip(PER_CELL * listed, FIRST_LAUNCH, LARGEST_LAUNCH[use_backend().kind]))

@@ -14,6 +14,7 @@ from lightfield.render.response.grid import COMPONENTS, AngleNodes, Grid, scene_
 from lightfield.render.response.open_ended import HELD_FROM, HELD_FROM_IN_FITS
 from lightfield.render.response.response import Reference
 from lightfield.render.response.symmetry import MirrorImages
+from lightfield.render.settings import PATH_NODES
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flight import TransportProblem
@@ -49,9 +50,8 @@ class Setup(TransportProblem):
     straight_m: np.ndarray
 
 
-#: Steps in which paths are tallied: absorption changes little over one; of a tally that is asked near its
-#: reference only.
-PATH_NODES, COARSE_NODES = 28, 8
+#: Steps in which paths are tallied, of a tally that is asked near its reference only.
+COARSE_NODES = 8
 
 
 def histories_of(

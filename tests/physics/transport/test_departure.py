@@ -21,7 +21,8 @@ from lightfield.render.at_readings import rendered_light
 from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import PHOTONS, response_for
-from lightfield.render.tracer.accumulate import BATCHES, DIRECTION_BATCHES
+from lightfield.render.settings import BATCHES
+from lightfield.render.tracer.accumulate import DIRECTION_BATCHES
 from lightfield.scene import Scene
 
 Lamp = Callable[[np.ndarray], np.ndarray]

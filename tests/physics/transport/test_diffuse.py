@@ -19,7 +19,8 @@ from lightfield.render.diffuse.source import DiffuseResponse, response_for
 from lightfield.render.diffuse.trace_errors import LEFT_OUT
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import cell_of
-from lightfield.render.tracer.accumulate import BATCHES, DIRECTION_BATCHES
+from lightfield.render.settings import BATCHES
+from lightfield.render.tracer.accumulate import DIRECTION_BATCHES
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import relative_intensity
 

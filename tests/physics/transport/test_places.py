@@ -21,7 +21,8 @@ from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.direct import direct_at
 from lightfield.render.maps import render_scene
-from lightfield.render.tracer.accumulate import BATCHES, DIRECTION_BATCHES
+from lightfield.render.settings import BATCHES
+from lightfield.render.tracer.accumulate import DIRECTION_BATCHES
 from lightfield.scene import Scene
 
 Places = list[tuple[int, int]]

@@ -13,7 +13,7 @@ from montecarlo import keeps_its_rate, least_p, turned_p
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.symmetry import merge_mirror_images
-from lightfield.render.tracer.accumulate import BATCHES
+from lightfield.render.settings import BATCHES
 from lightfield.scene import Scene
 
 WATER = {"absorption_per_m": 0.05, "scattering_per_m": 0.15}
