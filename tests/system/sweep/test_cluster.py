@@ -1,7 +1,8 @@
 """A sweep on an existing Dask scheduler: scheduler and two workers as processes of their own.
 
-Expected: the same store, bit by bit, as from one process; the workers' memory is reported; a scheduler that
-does not answer is one clear error. Without one nothing of a sweep can be reached from another machine.
+Expected: the same store as from one process, bit by bit (to single precision on a card); the workers' memory
+is reported; a scheduler that does not answer is one clear error. Without one nothing of a sweep can be
+reached from another machine.
 """
 
 from __future__ import annotations

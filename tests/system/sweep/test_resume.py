@@ -2,8 +2,9 @@
 
 Rationale: sweeps run for hours. What stops them is Ctrl-C, a kill -9 (out of memory, a queue's time limit) in
 the middle of a write, a worker that dies, a disk that is full. Set-up: four beams times 33 waters in a small
-tank, in processes that are really killed. Expected: the same command finishes, and every value has the same
-bits as in a sweep that ran through; what is not the same sweep is refused.
+tank, in processes that are really killed. Expected: the same command finishes, and every value is
+that of a sweep that ran through, bit by bit (to single precision on a card); what is not the same sweep is
+refused.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ def test_workers_that_never_come_are_one_clear_error(tmp_path: Path, monkeypatch
 
     monkeypatch.setattr(distributed, "Client", client)
     with (
-        pytest.raises(BackendError, match="scheduler tcp://h:1: 0 of 1 workers have begun.*dask worker"),
+        pytest.raises(BackendError, match=r"scheduler tcp://h:1: 0 of 1 workers have begun.*dask worker"),
         connected(tmp_path, scheduler="tcp://h:1"),
     ):
         pytest.fail("no worker")
