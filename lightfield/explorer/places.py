@@ -46,8 +46,7 @@ class MapPlaces:
             z = np.array(scene.detector.positions_m, float)[:, 2]
         else:
             z = np.array(scene.detector.planes_m, float)
-        z = np.unique(np.round(z, 3))
-        z = z[np.concatenate([[True], np.diff(z) > _SAME_M])]
+        z = _apart(np.unique(np.round(z, 3)))
         if len(z) > MOST_PLANES:
             z = z[np.round(np.linspace(0, len(z) - 1, MOST_PLANES)).astype(int)]
         width, height = scene.plane_size_m
@@ -72,3 +71,12 @@ class MapPlaces:
         out = np.zeros(len(self.z_m) * SIDE * SIDE, bool)
         out[plane * SIDE * SIDE : (plane + 1) * SIDE * SIDE] = True
         return out
+
+
+def _apart(z: Array) -> Array:
+    """Of ascending distances those that are another plane than the last one kept."""
+    kept = [z[0]]
+    for one in z[1:]:
+        if one - kept[-1] > _SAME_M:
+            kept.append(one)
+    return np.array(kept)
