@@ -7,10 +7,9 @@ import multiprocessing
 import signal
 import threading
 from collections.abc import Callable
-from functools import partial
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
@@ -32,10 +31,62 @@ def silent(stage: str, part: float | None = None) -> None:
     """Where nobody follows."""
 
 
+class EndedError(LightfieldError):
+    """Somebody ended what was under way."""
+
+
+class Underway:
+    """Something that takes a while: how far it is, and whether somebody ended it.
+
+    Parameters
+    ----------
+    name : str
+        What is done, for people.
+    heard : callable
+        Called in the loop with this, whenever it has said how far it is.
+
+    Attributes
+    ----------
+    work : Future, optional
+        What it waits for, which nobody needs any more once it is ended.
+    """
+
+    def __init__(self, name: str, heard: Callable[[Underway], None]) -> None:
+        self.name, self.stage, self.ended = name, "starting", False
+        self.part: float | None = None
+        self.work: asyncio.Future[Any] | None = None
+        self._heard, self._loop = heard, asyncio.get_running_loop()
+
+    def tell(self, stage: str, part: float | None = None) -> None:
+        """Say, in any thread, how far it is.
+
+        Raises
+        ------
+        EndedError
+        """
+        if self.ended:
+            raise EndedError("cancelled", found=stage, remedy="nothing has changed")
+        self.stage, self.part = stage, part
+        self._loop.call_soon_threadsafe(self._heard, self)
+
+    def end(self) -> None:
+        """A process ends at once; a thread when it next says how far it is."""
+        self.ended = True
+        if self.work is not None:
+            self.work.cancel()
+
+
 class Worker:
-    """A thread that computes one thing after the other, and keeps nobody waiting at the end."""
+    """A thread that computes one thing after the other, and keeps nobody waiting at the end.
+
+    Attributes
+    ----------
+    tell : Tell
+        Of what is computed now.
+    """
 
     def __init__(self) -> None:
+        self.tell: Tell = silent
         self._waiting: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self.thread = threading.Thread(target=self._work, name="explorer", daemon=True)
         self.thread.start()
@@ -46,8 +97,8 @@ class Worker:
             while True:
                 self._waiting.get()()
 
-    async def do(self, what: Callable[[], Made]) -> Made:
-        """What a function gives, computed in the thread."""
+    async def do(self, what: Callable[[], Made], tell: Tell = silent) -> Made:
+        """What a function gives, computed in the thread; `tell` hears how far it is."""
         loop = asyncio.get_running_loop()
         future: asyncio.Future[Made] = loop.create_future()
 
@@ -60,7 +111,7 @@ class Worker:
                 future.set_result(value)  # type: ignore[arg-type]
 
         def run() -> None:
-            value, error = None, None
+            value, error, self.tell = None, None, tell
             try:
                 value = what()
             except Exception as found:
@@ -72,35 +123,19 @@ class Worker:
         return await future
 
 
-class Aside:
-    """Work in the other thread, which is told of and ended as a job is."""
-
-    def __init__(self, name: str) -> None:
-        self.name, self.stage, self.ended = name, "starting", False
-        self.part: float | None = None
-
-    def end(self) -> None:
-        """What it does ends when it next says how far it is."""
-        self.ended = True
-
-
-class Job:
-    """Work in a process of its own.
+class _Process:
+    """Work in a process of its own, and the pipe by which it says how far it is.
 
     Parameters
     ----------
-    name : str
-        What is done, for people.
     work : callable
         Takes `tell`, to be called with what begins; must be importable by another process.
     """
 
-    def __init__(self, name: str, work: Callable[..., object], *arguments: object) -> None:
-        self.name, self.stage = name, "starting"
-        self.part: float | None = None
+    def __init__(self, work: Callable[..., object]) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe(duplex=False)
-        self._process = context.Process(target=_run, args=(theirs, partial(work, *arguments)), daemon=True)
+        self._process = context.Process(target=_run, args=(theirs, work), daemon=True)
         self._process.start()
         theirs.close()
 
@@ -114,6 +149,38 @@ class Job:
         self.pipe.close()
 
 
+async def in_process(work: Callable[..., Made], tell: Tell) -> Made:
+    """What a function gives, computed in a process of its own, which ends if nobody waits for it any more.
+
+    Parameters
+    ----------
+    work : callable
+        As `_Process` takes it.
+
+    Raises
+    ------
+    LightfieldError
+        What `work` raised, or the process ended without a word.
+    """
+    process, heard, loop = _Process(work), asyncio.Event(), asyncio.get_running_loop()
+    loop.add_reader(process.pipe.fileno(), heard.set)
+    try:
+        while True:
+            await heard.wait()
+            heard.clear()
+            kind, what = process.pipe.recv()
+            if kind == "done":
+                return what
+            if kind == "error":
+                raise LightfieldError(what)
+            tell(*what)
+    except (EOFError, OSError) as error:
+        raise LightfieldError("its process ended unexpectedly", remedy="see the terminal") from error
+    finally:
+        loop.remove_reader(process.pipe.fileno())
+        process.end()
+
+
 def elsewhere(tell: Tell) -> Elsewhere:
     """Runs work in a process of its own, and waits; what `tell` raises ends it.
 
@@ -121,14 +188,14 @@ def elsewhere(tell: Tell) -> Elsewhere:
     """
 
     def run(work: Callable[..., None]) -> None:
-        job = Job("trace", work)
+        process = _Process(work)
         try:
-            while (heard := job.pipe.recv())[0] == "stage":
+            while (heard := process.pipe.recv())[0] == "stage":
                 tell(*heard[1])
         except EOFError:
             pass
         finally:
-            job.end()
+            process.end()
 
     return run
 

@@ -7,14 +7,14 @@ import json
 import threading
 import traceback
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 from lightfield.arrays import jsonable
 from lightfield.errors import FitError, LightfieldError, UsageError
 from lightfield.explorer import protocol
-from lightfield.explorer.beside import Aside, Job, Made, Worker
+from lightfield.explorer.beside import EndedError, Made, Tell, Underway, Worker, in_process
 from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.jobs import Diagnosed, climbed, compared, diagnosed, trace_maps
 from lightfield.explorer.session import Session
@@ -26,6 +26,7 @@ MOST_WAITING = 1000
 _SENT_EVERY = 4
 #: Seconds of rest after which the errors of the shown map are worked out: they take half a second.
 _REST_S = 0.5
+_LIGHT = "light on the planes"
 _DEFECT = "a defect of the program: see the terminal"
 
 
@@ -50,10 +51,11 @@ class Hub:
         self.session, self._history = session, history
         self.browsers: set[Browser] = set()
         self.ready, self.failed = False, ""
-        self.job: Job | Aside | None = None
-        #: What keeps the session busy, and which part of it is done; None while it answers at once.
-        self.doing: tuple[str, float | None] | None = ("starting", None)
-        self._stopped = threading.Event()
+        #: What is done beside all else, for the experiment that is explored.
+        self.job: Underway | None = None
+        #: What keeps the session busy; None while it answers at once.
+        self.doing: Underway | None = Underway("session", self._busy)
+        self._surveying = True  # until somebody ends it; what is asked next begins it again
         session.say = self._say
         self._worker, self._beside, self._awake = Worker(), Worker(), asyncio.Event()
         self._waiting: deque[tuple[Browser, protocol.Request]] = deque()
@@ -85,7 +87,7 @@ class Hub:
             if len(self._waiting) >= MOST_WAITING:
                 raise UsageError("too many requests wait", found=len(self._waiting), remedy="ask again later")
             if not self.ready:
-                found = self.doing[0] if self.doing else self.failed
+                found = self.doing.stage if self.doing else self.failed
                 raise UsageError("the model is not ready yet", found=found, remedy="wait")
         except LightfieldError as error:
             browser.send(_text("error", id=protocol.request_id(message), message=str(error)))
@@ -98,7 +100,7 @@ class Hub:
     def _cancel(self) -> None:
         """End what keeps the session busy, or else the job."""
         if self.doing is not None:
-            self._stopped.set()
+            self.doing.end()
         else:
             self.end_job()
 
@@ -129,19 +131,16 @@ class Hub:
             await self._do(partial(self.session.begin, self._history))
         except LightfieldError as error:
             self.failed, self.doing = str(error), None
-            self._everyone(self._job_message())
+            self._tell_jobs()
             raise
         self.ready, self.doing = True, None
         self._new_experiment()
-        if not self.session.maps_ready:
-            self._trace_maps()
         counted = 0
         while True:
             if self._waiting:
                 await self._answer(*self._next())
-            elif await self._do(self.session.survey_next):
+            elif self._surveying and await self._survey():
                 counted += 1
-                self._busy(None)
                 if counted % _SENT_EVERY == 0:
                     self._send_state()
             else:
@@ -164,51 +163,56 @@ class Hub:
                 self._errors = self._loop.create_task(self._send_errors())
         await self._awake.wait()
 
+    async def _survey(self) -> bool:
+        """One effect more; False where none is left, or whoever looks on wants no more."""
+        try:
+            return await self._do(self.session.survey_next)
+        except EndedError:
+            self._surveying = False
+        except Exception as error:
+            self._everyone(_text("error", id=None, message=_in_words(error)))
+            return isinstance(error, LightfieldError)  # a defect may come again and again
+        return False
+
     async def _do(self, what: Callable[[], Made]) -> Made:
-        return await self._worker.do(what)
+        """What is made in the session's thread, where alone the session changes."""
+        one = Underway("session", self._busy)
+        try:
+            return await self._worker.do(what, one.tell)
+        finally:
+            if self.doing is one:
+                self.doing = None
+                self._tell_jobs()
 
     def _say(self, stage: str, part: float | None = None) -> None:
-        """Called in a thread that computes; ends what it does once somebody cancels it."""
-        job = self.job
-        if threading.current_thread() is self._beside.thread:
-            if not isinstance(job, Aside) or job.ended:
-                raise FitError("cancelled", found=stage, remedy="trace anew")
-            job.stage, job.part = stage, part
-            self._loop.call_soon_threadsafe(lambda: self._everyone(self._job_message()))
-            return
-        if self._stopped.is_set():
-            self._stopped.clear()
-            raise FitError("cancelled", found=stage, remedy="nothing has changed")
-        self._loop.call_soon_threadsafe(self._busy, (stage, part))
+        """Called in a thread that computes: what it does is told of, and ends once somebody ended it."""
+        here = threading.current_thread()
+        (self._beside if here is self._beside.thread else self._worker).tell(stage, part)
 
-    def _busy(self, doing: tuple[str, float | None] | None) -> None:
-        if doing != self.doing:
-            self.doing = doing
-            self._everyone(self._job_message())
+    def _busy(self, one: Underway) -> None:
+        self.doing = one
+        self._tell_jobs()
+
+    def _tell_jobs(self) -> None:
+        self._everyone(self._job_message())
 
     async def _answer(self, browser: Browser, request: protocol.Request) -> None:
         session = self.session
-        self._stopped.clear()  # what was cancelled before is not this
+        self._surveying = True
         try:
             if isinstance(request, protocol.Plain) and request.do in ("diagnose", "report", "trace"):
                 self._on_job(request.do)
             elif isinstance(request, protocol.Drop):
                 await self._do(partial(session.drop, request.files, request.units))
-                self._new_experiment(retrace=True)
+                self._new_experiment()
             elif not (isinstance(request, protocol.Plain) and request.do == "survey"):
                 await self._do(partial(session.act, request))
                 if isinstance(request, protocol.Own):
                     self._new_experiment()
             evaluation = await self._do(session.evaluation)
-        except LightfieldError as error:
-            browser.send(_text("error", id=request.id, message=str(error)))
+        except Exception as error:  # a defect must not cost anybody an afternoon's work
+            browser.send(_text("error", id=request.id, message=_in_words(error)))
             return
-        except Exception:  # a defect must not cost anybody an afternoon's work
-            traceback.print_exc()
-            browser.send(_text("error", id=request.id, message=_DEFECT))
-            return
-        finally:
-            self._loop.call_soon(self._busy, None)
         head = {"type": "evaluation", "plane": session.plane, **evaluation.numbers}
         for one in list(self.browsers):
             one.send(protocol.pack({**head, "id": request.id if one is browser else None}, evaluation.arrays))
@@ -219,14 +223,21 @@ class Hub:
     def _send_state(self) -> None:
         self._everyone(_text("state", **self.session.state_data()))
 
-    def _new_experiment(self, retrace: bool = False) -> None:
+    def _send_experiment(self) -> None:
         self._everyone(_text("experiment", **self.session.experiment_data()))
-        self._everyone(self._job_message())
+        self._tell_jobs()
         self._send_state()
         for browser in list(self.browsers):
             self._ask(browser, protocol.Plain(id=0, do="survey"))
-        if retrace and not self.session.maps_ready:
-            self._trace_maps()
+
+    def _new_experiment(self) -> None:
+        """What was under way was of the one before."""
+        if self.job is not None and self.job.name != _LIGHT:  # that is begun again
+            self._everyone(_text("error", id=None, message=f"{self.job.name} was ended: the model is new"))
+        self.end_job()
+        self._send_experiment()
+        if not self.session.maps_ready:
+            self._light_planes()
 
     async def _send_errors(self) -> None:
         session = self.session
@@ -258,98 +269,100 @@ class Hub:
                     "there are no readings to diagnose", remedy="drop a reading table into the page"
                 )
             given = session.scene, session.readings, session.diffuse is not None
-            self._start("diagnosis", diagnosed, self._diagnosed, *given)
-            return
-        if do == "report":
-            self._report()
-            return
+            work = partial(in_process, partial(diagnosed, *given))
+            self._start("diagnosis", work, self._diagnosed, self._send_state)
+        elif do == "report":
+            self._start("report", partial(in_process, self._report()), self._reported, self._send_made)
+        else:
+            self._trace()
+
+    def _trace(self) -> None:
+        session = self.session
         dense = missing_trace(session.experiment.forward, session.evaluator.values(session.now))
         if dense is None:  # the light on the planes was cancelled before
-            self._trace_maps()
+            self._light_planes()
             return
-        done = partial(self._traced, dense=dense)
-        self._start("tracing anew", trace_maps, done, session.scene, session.readings, dense)
+        work = partial(in_process, partial(trace_maps, session.scene, session.readings, dense))
+        self._start("tracing anew", work, lambda _: session.trace_at(dense), self._new_experiment)
 
-    def _report(self) -> None:
+    def _report(self) -> Callable[..., str]:
         session = self.session
         e, now = session.experiment, session.now
         if not e.has_data:
-            scene = e.forward.scenes.at(session.evaluator.values(now))
-            self._start("report", compared, self._reported, scene)
-            return
+            return partial(compared, e.forward.scenes.at(session.evaluator.values(now)))
         ladder = session.state_data()["ladder"]
         rungs = [{"effects": [*now.effects[: rung["at"]]], **rung} for rung in ladder]
-        plain, traced = e.forward.scene, session.diffuse is not None
-        self._start("report", climbed, self._reported, plain, e.readings, now.effects, rungs, traced)
+        return partial(climbed, e.forward.scene, e.readings, now.effects, rungs, session.diffuse is not None)
 
-    def _start(self, name: str, work: Callable[..., object], done: Callable[[Any], Any], *given: Any) -> None:
-        self.end_job()
-        self.job = Job(name, work, *given)
-        self._loop.add_reader(self.job.pipe.fileno(), self._heard, self.job, done)
-        self._everyone(self._job_message())
+    def _light_planes(self) -> None:
+        def work(tell: Tell) -> Awaitable[None]:
+            return self._beside.do(self.session.ready_maps, tell)
 
-    def _heard(self, job: Job, done: Callable[[Any], Any]) -> None:
-        """Something comes from the process of a job."""
-        if job is not self.job:
-            return
+        self._start(_LIGHT, work, self._lit, self._send_experiment)
+
+    def _start(
+        self,
+        name: str,
+        work: Callable[[Tell], Awaitable[Made]],
+        take: Callable[[Made], None],
+        told: Callable[[], None],
+    ) -> None:
+        """Begin what is done beside all else.
+
+        Parameters
+        ----------
+        take : callable
+            Gives the session what was made, in the session's thread.
+        told : callable
+            Tells the browsers then.
+        """
+        one, experiment = Underway(name, lambda _: self._tell_jobs()), self.session.experiment
+        one.work = made = asyncio.ensure_future(work(one.tell))
+
+        def taken(made: Made) -> bool:
+            wanted = not one.ended and self.session.experiment is experiment
+            if wanted:
+                take(made)
+            return wanted
+
+        self.job = one
+        self._following = self._loop.create_task(self._follow(one, made, taken, told))
+        self._tell_jobs()
+
+    async def _follow(
+        self, one: Underway, work: Awaitable[Made], taken: Callable[[Made], bool], told: Callable[[], None]
+    ) -> None:
+        """To its end; what was ended, or is of another experiment than the session's, is not taken."""
+        wanted = False
         try:
-            kind, what = job.pipe.recv()
-        except (EOFError, OSError):
-            kind, what = "error", f"{job.name} ended unexpectedly; see the terminal"
-        if kind == "stage":
-            job.stage, job.part = what
-            self._everyone(self._job_message())
-            return
-        self.end_job()
-        if kind == "error":
-            self._everyone(_text("error", id=None, message=what))
-        else:
-            self._task = self._loop.create_task(_awaited(done(what)))
+            wanted = await self._do(partial(taken, await work))
+        except asyncio.CancelledError:
+            pass  # somebody ended it
+        except Exception as error:
+            self._everyone(_text("error", id=None, message=f"{one.name}: {_in_words(error)}"))
+        if self.job is one:
+            self.end_job()
+        if wanted:
+            told()
 
     def end_job(self) -> None:
         """End what is under way, if anything is."""
         if self.job is not None:
             job, self.job = self.job, None
-            if isinstance(job, Job):
-                self._loop.remove_reader(job.pipe.fileno())
             job.end()
-            self._everyone(self._job_message())
+            self._tell_jobs()
 
-    def _trace_maps(self) -> None:
-        self.end_job()
-        self.job = Aside("light on the planes")
-        self._everyone(self._job_message())
-        self._mapping = self._loop.create_task(self._ready_maps(self.job))
-
-    async def _ready_maps(self, job: Aside) -> None:
-        session, experiment = self.session, self.session.experiment
-        try:
-            await self._beside.do(session.ready_maps)
-        except LightfieldError as error:
-            if self.job is job:
-                self._everyone(_text("error", id=None, message=str(error)))
-        else:
-            if session.experiment is experiment:
-                session.maps_ready = True
-                self._new_experiment()
-        finally:
-            if self.job is job:
-                self.end_job()
-
-    async def _traced(self, _: None, dense: float) -> None:
-        session = self.session
-        session.dense_per_m = dense
-        await self._do(partial(session.begin, session.history))
-        self._new_experiment()
-        self._trace_maps()
-
-    async def _diagnosed(self, found: Diagnosed) -> None:
+    def _diagnosed(self, found: Diagnosed) -> None:
         self.session.verdict, self.session.report = found.verdict, found.report
-        self._send_state()
 
-    async def _reported(self, html: str) -> None:
+    def _reported(self, html: str) -> None:
         self.session.comparison = html
+
+    def _send_made(self) -> None:
         self._everyone(_text("made", name="comparison.html"))
+
+    def _lit(self, _: None) -> None:
+        self.session.maps_ready = True
 
     def _job_message(self) -> str:
         job, doing = self.job, self.doing
@@ -358,12 +371,16 @@ class Hub:
             ready=self.ready,
             failed=self.failed,
             job=None if job is None else {"name": job.name, "stage": job.stage, "part": job.part},
-            doing=None if doing is None else {"stage": doing[0], "part": doing[1]},
+            doing=None if doing is None else {"stage": doing.stage, "part": doing.part},
         )
 
 
-async def _awaited(found: Any) -> None:
-    await found
+def _in_words(error: Exception) -> str:
+    """What people are told of an error; a defect is printed in the terminal."""
+    if isinstance(error, LightfieldError):
+        return str(error)
+    traceback.print_exception(error)
+    return _DEFECT
 
 
 def _text(kind: str, **content: object) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 from lightfield.errors import FitError, UsageError
 from lightfield.explorer import protocol
-from lightfield.explorer.beside import Tell, elsewhere, silent
+from lightfield.explorer.beside import EndedError, Tell, elsewhere, silent
 from lightfield.explorer.described import effects_in_words, experiment_data, state_data, unfitted
 from lightfield.explorer.dropped import dropped
 from lightfield.explorer.evaluation import Evaluation, Evaluator
@@ -90,15 +91,35 @@ class Session:
         self.experiment, self.fits = experiment, Fits(experiment)
         self.evaluator = Evaluator(self.fits)
         self.survey = {}
-        self.channel = 0
-        if not experiment.has_data or self._source is None:
-            self.maps_ready = True
-        first = self._first()
-        kept = [s for s in history.states if self._suits(s)] if history else []
-        names_kept = {n: s for n, s in history.snapshots.items() if self._suits(s)} if history else {}
-        at = min(history.at, len(kept) - 1) if history and kept else 0
-        self.history = History(kept or [first], at, names_kept)
-        self.plane = min(len(experiment.places.z_m) // 2, len(experiment.places.z_m) - 1)
+        self.plane, self.channel = len(experiment.places.z_m) // 2, 0
+        self.maps_ready = not experiment.has_data or self._source is None
+        first, former = self._first(), history or History([])
+        kept = [s for s in former.states if self._suits(s)]
+        at = sum(map(self._suits, former.states[: former.at + 1])) - 1
+        names_kept = {n: s for n, s in former.snapshots.items() if self._suits(s)}
+        self.history = History(kept or [first], max(at, 0), names_kept)
+
+    def _anew(self, history: History | None = None, **given: object) -> Session:
+        """This session with another scene, readings or traces, begun aside: nothing has changed here."""
+        other = copy(self)
+        vars(other).update(given)
+        other.begin(history)
+        return other
+
+    def _become(self, other: Session) -> None:
+        """At once and whole: nobody meets the scene of one and the model of the other."""
+        vars(self).update(vars(other))
+
+    def trace_at(self, dense_per_m: float) -> None:
+        """Make the model again, with a trace in water that scatters so much too.
+
+        Raises
+        ------
+        LightfieldError
+            As `explored`; nothing has changed then.
+        """
+        self._settle()
+        self._become(self._anew(self.history, dense_per_m=dense_per_m))
 
     def _first(self) -> State:
         e = self.experiment
@@ -276,16 +297,10 @@ class Session:
         scene = Scene.from_dict(
             {**self.scene.to_dict(), OWN_FIELD: [*self.scene.to_dict().get(OWN_FIELD, []), table]}
         )
-        before = self.scene, self.history
         self._settle()
-        try:
-            self.scene = scene
-            self.begin(before[1])
-            key = next(k for k, c in self.experiment.candidates.items() if c.name == own.name)
-            self._switch(key, True)
-        except Exception:
-            self.scene = before[0]
-            raise
+        other = self._anew(self.history, scene=scene)
+        other._switch(next(k for k, c in other.experiment.candidates.items() if c.name == own.name), True)
+        self._become(other)
 
     def drop(self, files: Sequence[protocol.File], units: str = "") -> None:
         """Explore other readings: a reading table, or an index with the spectrometer files that it names.
@@ -296,14 +311,8 @@ class Session:
             They cannot be read, or do not belong to the scene; nothing has changed then.
         """
         readings = dropped(files, units, self.scene)
-        before = self.readings, self.verdict, self.report, self.maps_ready
-        self.readings, self.verdict, self.report, self.maps_ready = readings, None, None, False
         self._settle()
-        try:
-            self.begin()
-        except Exception:
-            self.readings, self.verdict, self.report, self.maps_ready = before
-            raise
+        self._become(self._anew(readings=readings, verdict=None, report=None))
 
     def parameters(self) -> dict[str, FitParameter]:
         """What may be set now, by path."""
@@ -348,21 +357,32 @@ class Session:
         }
 
     def survey_next(self) -> bool:
-        """Work out, for one effect more, the error with it switched the other way; is any left?"""
+        """Work out, for one effect more, the error with it switched the other way; was any left?
+
+        Raises
+        ------
+        EndedError
+            Somebody ended it: what it was at is still left.
+        LightfieldError
+            What it was at cannot be worked out, and is not tried again.
+        """
         on = self.now.effects
         for effect in self.state_data()["effects"]:
-            key = effect["key"]
-            if (on, key) in self.survey:
-                continue
-            turned = tuple(k for k in on if k != key) if effect["on"] else (*on, key)
-            try:
-                if self.experiment.has_data:
-                    self.survey[on, key] = self.fits.of(turned).score.error_percent
-                elif effect["on"]:
-                    self.survey[on, key] = unfitted(self.fits, turned, self.now.values).error_percent
-                else:
-                    self.survey[on, key] = float("nan")
-            except FitError:
-                self.survey[on, key] = float("nan")
-            return True
+            if (on, effect["key"]) not in self.survey:
+                self._survey(on, effect["key"], effect["on"])
+                return True
         return False
+
+    def _survey(self, on: tuple[str, ...], key: str, is_on: bool) -> None:
+        self.survey[on, key] = float("nan")  # stays where there is no number, and nobody ended the search
+        turned = tuple(k for k in on if k != key) if is_on else (*on, key)
+        try:
+            if self.experiment.has_data:
+                self.survey[on, key] = self.fits.of(turned).score.error_percent
+            elif is_on:
+                self.survey[on, key] = unfitted(self.fits, turned, self.now.values).error_percent
+        except FitError:
+            pass  # these effects cannot be fitted together here
+        except EndedError:
+            del self.survey[on, key]
+            raise

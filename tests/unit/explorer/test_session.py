@@ -12,8 +12,9 @@ from dropped import dropped_file
 
 from lightfield.arrays import jsonable
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.errors import FitError, LightfieldError, UsageError
+from lightfield.errors import FitError, LightfieldError, RenderError, UsageError
 from lightfield.explorer import protocol
+from lightfield.explorer.beside import EndedError
 from lightfield.explorer.documents import open_session, residuals_csv, scene_toml, session_json
 from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.experiment import explored
@@ -289,6 +290,23 @@ def test_a_fit_says_how_far_it_is_and_can_be_ended(session: Session) -> None:
     parts = [part for stage, part in heard if stage == "fitting background" and part is not None]
     assert session.now.effects == (BACKGROUND,)
     assert parts == sorted(parts) and parts[0] == 0 and 0.5 < parts[-1] < 1
+
+
+def test_a_survey_that_was_ended_is_still_to_be_done(session: Session, monkeypatch) -> None:
+    """What cannot be fitted has no number, and is not tried again; an error that is none of a fit is told."""
+    errors = EndedError("cancelled"), FitError("not here"), RenderError("no light")
+    for kept, error in enumerate(errors):
+
+        def fails(*given: object, error: Exception = error) -> None:
+            raise error
+
+        monkeypatch.setattr(Fits, "of", fails)
+        if isinstance(error, FitError):
+            assert session.survey_next()
+        else:
+            with pytest.raises(type(error)):
+                session.survey_next()
+        assert len(session.survey) == kept and all(np.isnan(e) for e in session.survey.values())
 
 
 def test_a_report_of_what_is_shown_needs_no_diagnosis(session: Session) -> None:
