@@ -7,9 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.formula import own_formulas
 from lightfield.formula.closed_form import lamps_of_window, source
 from lightfield.formula.path import optical_depth, rays
 from lightfield.scene import Scene
+from lightfield.scene.bands import middles_nm
 
 #: Step of numerical derivatives, m: light changes over decimetres, so the relative error is about
 #: (step / length)^2 = 1e-6.
@@ -19,9 +21,9 @@ STEP_M = 1e-4
 def direct_flux(scene: Scene, place_m: Array) -> Array:
     """Flux vector of the light that comes straight from the lamp, for unit radiant intensity on the axis.
 
-    At the middle of the first band.
+    At the middle of the first band as it is read. T is what own effects on the way leave of it.
 
-        F = sum over the window  I(theta) exp(-tau) / r^2  u
+        F = sum over the window  I(theta) exp(-tau) / r^2  u  T
 
     Parameters
     ----------
@@ -36,13 +38,14 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
     place = np.asarray(place_m, float)
     ahead = place[:, 2] > 0
     x, y, z = place[:, 0], place[:, 1], np.where(ahead, place[:, 2], 1.0)
+    scene, middle = own_formulas.lit(scene), float(middles_nm(scene)[0].mean())
     total = np.zeros_like(place)
     for lamp, share in lamps_of_window(scene.lamp):
         ray = rays(lamp, x, y, z)
-        middle = 0.5 * sum(scene.detector.bands_nm[0])
         light = source(lamp, ray) * np.exp(-optical_depth(scene.water, ray, z, middle))
         total += (share * light / ray.r**3)[:, None] * np.stack([ray.dx, ray.dy, ray.dz], axis=1)
-    return np.where(ahead[:, None], total, 0.0)
+    left = own_formulas.factor(scene, ("path",), x, y, z, middle)
+    return np.where(ahead[:, None], total * np.reshape(left, (-1, 1)), 0.0)
 
 
 def on_receivers(flux: Array, normal: Array) -> Array:

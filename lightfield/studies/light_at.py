@@ -11,9 +11,11 @@ from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.fitting.diffuse_light import DiffuseSource, TracedDiffuse
 from lightfield.formula.closed_form import direct_field
+from lightfield.formula.own_formulas import lit
 from lightfield.render.diffuse.dense_water import dense_water, trace_for
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_first_band, refuse_unlit
+from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import scattering_per_m
 
 Places = tuple[Array, Array, Array]
@@ -58,15 +60,19 @@ def diffuse_response_at(
 ) -> TracedDiffuse:
     """The response of the diffuse light at places, in water that scatters up to so much.
 
+    Photons are sent as wide as the beam is, a table's too.
+
     Parameters
     ----------
     trace : callable
         `lightfield.render.diffuse.source.response_for` or the like.
     largest_b : float, 1/m
     """
-    response = trace(scene, *places)
+    width = stated_width_deg(lit(scene).lamp)
+    sent = scene.with_values({"lamp.hwhm_deg": width}, validate=False)
+    response = trace(sent, *places)
     if dense_water(np.array([largest_b])) is not None:
-        response = response.with_denser(trace(scene, *places, dense_per_m=trace_for(largest_b)))
+        response = response.with_denser(trace(sent, *places, dense_per_m=trace_for(largest_b)))
     return response
 
 
@@ -81,6 +87,7 @@ def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSou
     trace : callable, optional
         None: direct light alone.
     """
+    scene = lit(scene)
     at, power = over_first_band(scene, PARTS)
     share = power / power.sum() if power.sum() > 0 else np.full(len(power), 1.0 / len(power))
     places = (x_m, y_m, z_m)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
-from lightfield.scene.lamp.profile import radial_intensity
+from lightfield.scene.lamp.width import at_all_angles, half_width_rad, intensity
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase
 from lightfield.scene.water.phase.of_scene import phase_function
 from lightfield.scene.water.phase.spec import HenyeyGreenstein, TracedPhase, WithMolecules
@@ -102,11 +102,6 @@ def _mean_cosine(phase: TracedPhase) -> float:
     return phase_function(phase).mean_cosine()
 
 
-def intensity(lamp: Lamp, theta_squared: Array) -> Array:
-    """Radiant intensity over that on the axis, at squared angles from it; rad^2."""
-    return radial_intensity(lamp, theta_squared) * (theta_squared <= HALF_PI * HALF_PI)
-
-
 class EmissionTable(NamedTuple):
     """Angles of emission at which a lamp is tabulated where its light is wanted at many others.
 
@@ -135,35 +130,6 @@ class EmissionTable(NamedTuple):
         return before, at - before
 
 
-@lru_cache(maxsize=4)
-def _at_all_angles(lamp: Lamp) -> Nodes:
-    """Angles to half a turn, rad, and the intensity at each."""
-    theta = np.linspace(0.0, HALF_PI, 20001)
-    return Nodes(theta, intensity(lamp, theta * theta))
-
-
-@lru_cache(maxsize=256)
-def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
-    """Largest angle at which the beam is as bright as this part of its brightest, rad."""
-    theta, light = _at_all_angles(lamp)
-    level *= float(light.max())
-    i = int(np.flatnonzero(light >= level)[-1])
-    if i + 1 == len(theta):
-        return HALF_PI
-    high, low = light[i : i + 2]
-    part = (high - level) / (high - low) if high > low else 0.0
-    return float(theta[i] + part * (theta[1] - theta[0]))
-
-
-def stated_width_deg(lamp: Lamp) -> float:
-    """Half width of the beam where it is half as bright as where it is brightest, degrees.
-
-    That of its table, or of Gaussian, skirt and departure together, where it is more than the Gaussian alone.
-    """
-    more = lamp.profile == "table" or lamp.skirt_fraction or lamp.profile_departure
-    return math.degrees(half_width_rad(lamp)) if more else lamp.hwhm_deg
-
-
 @lru_cache(maxsize=256)
 def finest_rad(lamp: Lamp) -> float:
     """Standard deviation of the Gaussian beam whose edge is as sharp, rad."""
@@ -178,7 +144,7 @@ def emission(lamp: Lamp) -> Nodes:
 
     Beams that differ little share their angles.
     """
-    theta, light = _at_all_angles(lamp)
+    theta, light = at_all_angles(lamp)
     last = 1.02 * float(theta[light > 1e-6 * light.max()][-1]) + 1e-3
     top = min(_WIDEST_RAD, _LAST_STEP ** math.ceil(math.log(last) / math.log(_LAST_STEP)))
     t, w = interval(_LAMP_NODES)

@@ -20,7 +20,6 @@ from lightfield.formula.scattered.closure import closure
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
 from lightfield.formula.scattered.quadrature import (
     EmissionTable,
-    half_width_rad,
     mean_cosine,
     near,
     shares_at,
@@ -36,6 +35,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, has_round_section, is_tilted
 from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.lamp.width import half_width_rad
 from lightfield.scene.receiver import is_cosine
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import within_band

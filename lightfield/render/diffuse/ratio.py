@@ -16,7 +16,7 @@ from numpy.polynomial.legendre import legvander
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
-from lightfield.formula.scattered.quadrature import half_width_rad, in_cell
+from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import Grid
@@ -25,6 +25,7 @@ from lightfield.render.settings import BY_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.lamp.width import half_width_rad
 from lightfield.scene.water.coefficients import coefficients_in
 
 #: Part of the light by which the polynomials may miss it (left after nine in eleven traced fields: at

@@ -23,6 +23,7 @@ from scipy.ndimage import map_coordinates
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
+from lightfield.formula.own_formulas import lit
 from lightfield.formula.path import rays
 from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers, with_back
 from lightfield.render.backend import use_backend
@@ -111,7 +112,7 @@ def traced_field(
         A region that is not all in the water in front of the lamp, or photons that no trace can have.
     """
     check_photons(photons)
-    grid = region.grid()
+    scene, grid = lit(scene), region.grid()
     _check(scene, region)
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "flux", **transport_key(scene, grid, chosen), "photons": photons, "seed": seed}

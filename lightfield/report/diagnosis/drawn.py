@@ -13,9 +13,9 @@ from lightfield.diagnosis.search.told_apart import separation
 from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.fitting.fitted_curves import fitted_curves
 from lightfield.fitting.least_squares import Fit
-from lightfield.formula.scattered.quadrature import stated_width_deg
 from lightfield.readings import Readings
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
+from lightfield.scene.lamp.width import stated_width_deg
 
 if TYPE_CHECKING:
     from lightfield.diagnosis.diagnose import Diagnosis

@@ -11,6 +11,7 @@ from scipy import stats
 
 from lightfield.errors import RenderError
 from lightfield.formula.closed_form import direct_field
+from lightfield.formula.own_formulas import lit
 from lightfield.formula.vector import direct_flux, on_receivers, with_back
 from lightfield.render.flux.traced_field import Region, TracedField, traced_field
 from lightfield.render.maps import render_scene
@@ -256,11 +257,23 @@ def _walk(rings: np.ndarray, z: float, photons: int) -> tuple[np.ndarray, np.nda
 
 def test_direct_flux_is_the_direct_field() -> None:
     """Facing the lamp's plane: the closed form of irradiance; with an apparent source, offset and window."""
-    lit = SCENE.with_values({"lamp.apparent_distance_m": 0.7, "lamp.offset_x_m": 0.1, "lamp.radius_m": 0.05})
+    wide = SCENE.with_values({"lamp.apparent_distance_m": 0.7, "lamp.offset_x_m": 0.1, "lamp.radius_m": 0.05})
     place = np.array([[0.2, -0.1, 3.0], [0.0, 0.5, 5.0], [0.1, 0.1, -1.0]])
-    read = on_receivers(direct_flux(lit, place), np.tile([0.0, 0.0, -1.0], (3, 1)))
-    np.testing.assert_allclose(read, direct_field(lit, *place.T), rtol=1e-12)
-    assert (on_receivers(direct_flux(lit, place), np.tile([0.0, 0.0, 1.0], (3, 1))) == 0).all()
+    read = on_receivers(direct_flux(wide, place), np.tile([0.0, 0.0, -1.0], (3, 1)))
+    np.testing.assert_allclose(read, direct_field(wide, *place.T), rtol=1e-12)
+    assert (on_receivers(direct_flux(wide, place), np.tile([0.0, 0.0, 1.0], (3, 1))) == 0).all()
+
+
+def test_a_formula_of_the_angle_shapes_the_beam_that_is_traced() -> None:
+    """Photon for photon the light of the lamp that has it as a departure, and a ring is brighter."""
+    ring = {"name": "ring", "stage": "source", "formula": "1 + a*theta"}
+    ring["parameters"] = {"a": {"range": [0.0, 1.0], "neutral": 0.0, "value": 0.3}}
+    with_ring = SCENE.model_copy(update={"effect": Scene.from_dict({"effect": [ring]}).effect})
+    place, few = np.array([[0.2, 0.1, 3.4], [0.0, -0.3, 3.9]]), {"photons": 2e4, "cache": False}
+    read, same, plain = (
+        traced_field(one, REGION, **few).diffuse_flux(place) for one in (with_ring, lit(with_ring), SCENE)
+    )
+    assert np.array_equal(read, same) and (read[:, 2] > 1.5 * plain[:, 2]).all()
 
 
 def test_parts_of_a_trace_make_the_whole(field: TracedField) -> None:

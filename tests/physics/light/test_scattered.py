@@ -13,8 +13,6 @@ from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
 from lightfield.formula.scattered.quadrature import (
     emission,
     finest_rad,
-    half_width_rad,
-    intensity,
     interval,
     near,
     turns,
@@ -23,6 +21,7 @@ from lightfield.formula.scattered.scattered_field import ScatteredField, describ
 from lightfield.formula.scattered.single import LitPaths, Resolution, single_paths
 from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.lamp.width import half_width_rad, intensity
 from lightfield.scene.water.phase.of_scene import phase_function
 from lightfield.scene.water.phase.spec import FournierForand, HenyeyGreenstein, TracedPhase, WithMolecules
 

@@ -12,6 +12,7 @@ from lightfield.errors import SceneError
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import direct_field, predict
 from lightfield.formula.own_formulas import lit
+from lightfield.formula.vector import direct_flux, on_receivers
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
@@ -96,6 +97,28 @@ def test_a_formula_of_the_angle_at_the_source_is_a_lamp_of_another_shape() -> No
     bare_scene = scene.with_values({"effect": []})
     seen = direct_field(scene, x, 0 * x, z) / direct_field(bare_scene, x, 0 * x, z)
     np.testing.assert_allclose(seen, 1 + 0.2 * np.cos(np.pi * off / 5), rtol=1e-3)
+
+
+@pytest.mark.parametrize("radius_m", [0.0, 0.03])
+def test_the_flux_vector_of_direct_light_has_them_as_the_direct_field_has(radius_m: float) -> None:
+    """A beam of another shape and a shadow on the way, at the wavelength that is read."""
+    ring = {"name": "ring", "stage": "source", "formula": "1 + a*theta"} | {
+        "parameters": {"a": {"range": [0.0, 1.0], "neutral": 0.0, "value": 0.3}}
+    }
+    red = {"name": "red", "stage": "path", "formula": "1 - a*wavelength/600"} | {
+        "parameters": {"a": {"range": [0.0, 1.0], "neutral": 0.0, "value": 0.5}}
+    }
+    scene = Scene.from_dict(
+        {
+            "effect": [SHADOW, ring, red],
+            "lamp": {"radius_m": radius_m},
+            "water": {"base": "pure"},
+            "detector": {"bands_nm": [[500.0, 560.0]], "wavelength_shift_nm": 20.0},
+        }
+    ).with_values(OF_SHADOW)
+    place = np.array([[0.0, 0.0, 4.0], [0.1, -0.2, 5.0], [-0.4, 0.1, 6.0], [0.1, 0.0, -1.0]])
+    read = on_receivers(direct_flux(scene, place), np.tile([0.0, 0.0, -1.0], (4, 1)))
+    np.testing.assert_allclose(read, direct_field(scene, *place.T, np.full(4, 550.0)), rtol=1e-12)
 
 
 CASES = {

@@ -62,3 +62,32 @@ def test_range_goes_by_the_light_that_the_detector_sees() -> None:
         for name, more in (("all", {}), ("filtered", {"response": PEAK}))
     }
     assert reach["filtered"] < reach["all"] - 0.05
+
+
+class Sent:
+    """A trace that keeps what it is asked: the scene that photons are sent in, and that of the light."""
+
+    def __init__(self) -> None:
+        self.scenes: list[Scene] = []
+
+    def __call__(self, scene: Scene, *places: np.ndarray, **_: float) -> Sent:
+        self.scenes.append(scene)
+        return self
+
+    def light(self, scene: Scene, colours: list[float]) -> np.ndarray:
+        self.scenes.append(scene)
+        return np.ones((len(colours), len(Z)))
+
+    def errors(self, scene: Scene, colours: list[float], which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self.scenes.append(scene)
+        return np.zeros((len(Z), 1)), np.zeros(len(Z))
+
+
+def test_scattered_light_is_that_of_the_beam_with_the_users_own_formulas() -> None:
+    """One of the angle is in the lamp wherever light is asked for, and photons are sent as wide as it is."""
+    wider = {"name": "wider", "stage": "source", "formula": "exp(a*theta**2)"}
+    wider["parameters"] = {"a": {"range": [0.0, 0.1], "neutral": 0.0, "value": 0.75 * np.log(2) / 25}}
+    sent = Sent()
+    light_at(Scene.from_dict({**scene().model_dump(), "effect": [wider]}), 0 * Z, 0 * Z, Z, sent)
+    assert all(one.lamp.profile_departure and not one.effect for one in sent.scenes) and len(sent.scenes) == 3
+    assert sent.scenes[0].lamp.hwhm_deg == pytest.approx(10.0, rel=2e-3)

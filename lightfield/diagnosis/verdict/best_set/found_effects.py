@@ -15,7 +15,7 @@ from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
-from lightfield.formula.scattered.quadrature import stated_width_deg
+from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 

@@ -19,11 +19,11 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
-from lightfield.formula.scattered.quadrature import stated_width_deg
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Factors from which on a fitted value is spoken of. Guesses of the width were off by up to 18 %, those of

@@ -1,0 +1,55 @@
+"""How wide a beam is, however its shape is stated."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from lightfield.arrays import Array
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.lamp.profile import HALF_PI, radial_intensity
+
+#: Angles at which a beam is asked for its widths.
+_ANGLES = 20001
+
+
+def intensity(lamp: Lamp, theta_squared: Array) -> Array:
+    """Radiant intensity over that on the axis, at squared angles from it, rad^2, the same all around."""
+    return radial_intensity(lamp, theta_squared) * (theta_squared <= HALF_PI * HALF_PI)
+
+
+@lru_cache(maxsize=4)
+def at_all_angles(lamp: Lamp) -> tuple[Array, Array]:
+    """Angles to half a turn, rad, and the intensity at each."""
+    theta = np.linspace(0.0, HALF_PI, _ANGLES)
+    return theta, intensity(lamp, theta * theta)
+
+
+@lru_cache(maxsize=256)
+def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
+    """Largest angle at which the beam is as bright as this part of its brightest, rad."""
+    theta, light = at_all_angles(lamp)
+    level *= float(light.max())
+    i = int(np.flatnonzero(light >= level)[-1])
+    if i + 1 == len(theta):
+        return HALF_PI
+    high, low = light[i : i + 2]
+    part = (high - level) / (high - low) if high > low else 0.0
+    return float(theta[i] + part * (theta[1] - theta[0]))
+
+
+def stated_width_deg(lamp: Lamp) -> float:
+    """Half width of the beam where it is half as bright as where it is brightest, degrees.
+
+    That of its table, or of Gaussian, skirt and departure together, where it is more than the Gaussian alone.
+    """
+    more = lamp.profile == "table" or lamp.skirt_fraction or lamp.profile_departure
+    return math.degrees(half_width_rad(lamp)) if more else lamp.hwhm_deg
+
+
+def core_width_deg(lamp: Lamp) -> float:
+    """Half width of what steps over a beam have to resolve: a skirt makes no beam smooth, degrees."""
+    stated = stated_width_deg(lamp)
+    return stated if lamp.profile == "table" else min(stated, lamp.hwhm_deg)
