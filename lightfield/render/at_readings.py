@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.formula.own_formulas import lit
 from lightfield.readings import Readings
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
@@ -21,6 +22,7 @@ from lightfield.render.response import response_cache
 from lightfield.render.response.grid import positions_grid
 from lightfield.scene import Scene
 from lightfield.scene.bands import at_wavelengths, over_bands, read_nm
+from lightfield.scene.lamp.width import core_width_deg
 from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
@@ -196,5 +198,6 @@ class AtPlaces:
 
 def _traced(scene: Scene, x: Array, y: Array, z: Array, **settings: Any) -> Rendering:
     """A rendering of cells around places in the water."""
-    grid = positions_grid(x, y, z, CELL_M, scene.lamp.hwhm_deg, scene.tank, detector=scene.detector)
+    width = core_width_deg(lit(scene).lamp)
+    grid = positions_grid(x, y, z, CELL_M, width, scene.tank, detector=scene.detector)
     return render_scene(scene, grid=surrounded(grid, scene.tank), **settings)

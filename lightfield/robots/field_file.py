@@ -19,12 +19,14 @@ import xarray as xr
 from lightfield import __version__
 from lightfield.arrays import Array, jackknife_stderr
 from lightfield.errors import UsageError
+from lightfield.formula.own_formulas import lit
 from lightfield.formula.vector import direct_flux
 from lightfield.maps.dataset import CONVENTIONS, PLACE
 from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, over_band
+from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: Places of a grid at most: more would be a file of gigabytes.
@@ -165,7 +167,7 @@ def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | floa
         "absorption_per_m": float(absorption_per_m(scene.water, at)[0]),
         "scattering_per_m": float(scattering_per_m(scene.water, at)[0]),
         "lamp_profile": str(scene.lamp.profile),
-        "lamp_half_width_deg": float(scene.lamp.hwhm_deg),
+        "lamp_half_width_deg": stated_width_deg(lit(scene).lamp),
         "photons": float(photons),
         "seed": float(seed),
         "scene": scene.to_toml(),

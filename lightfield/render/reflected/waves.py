@@ -24,6 +24,7 @@ from lightfield.render.reflected.from_lamp import before_lamp, fresnel, in_water
 from lightfield.scene import Lamp, Tank
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import relative_intensity
+from lightfield.scene.lamp.width import core_width_deg
 
 #: Slopes up to so many standard deviations (beyond: 1e-5 of the facets), and up to where a facet sends light
 #: straight back: the ways to it are no longer one to a slope there.
@@ -63,7 +64,7 @@ def glitter(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
         With a slope of its surface.
     places : array, shape (n, 3), m
     """
-    width = radians(lamp.hwhm_deg)
+    width = radians(core_width_deg(lamp))
     step = min(_STEP * tank.slope, _STEP_OF_BEAM * width)
     count = min(int(np.ceil(min(_FAR * tank.slope, _STEEP) / step)), _MOST)
     step = min(_FAR * tank.slope, _STEEP) / count

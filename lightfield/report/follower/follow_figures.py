@@ -23,6 +23,7 @@ from lightfield.report.style import (
     label,
     panels,
 )
+from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.studies.following.study import Followed
 
 #: Frames of a strip, and rows of one figure.
@@ -31,6 +32,8 @@ FRAMES, FEW_FRAMES, MOST_ROWS = 5, 3, 6
 PANEL_INCHES = np.array([1.7, 0.9])
 #: Half widths of the lamp's beam that are drawn as light, the outer ones fainter.
 FANS = ((2.0, 0.10), (1.4, 0.14), (1.0, 0.22))
+#: Widest beam that is drawn as one, degrees.
+_WIDEST_DEG = 80.0
 #: Colours of what is believed: the traced field in that of renders, the formula in its own.
 COLOURS = {
     "field": RENDER, "exact": FORMULA, "fitted": SERIES[2], "clear": SERIES[3], "relative": SERIES[4],
@@ -74,7 +77,7 @@ def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray, *, below_name: b
     run = one.typical
     lamp, pose, believed = track.leader_m[k], track.pose[k, run], track.estimate[k, run]
     lit, colour = bool(track.lit[k, run]), COLOURS[mission.believes]
-    half = np.tan(np.radians(one.scene.lamp.hwhm_deg))
+    half = np.tan(np.radians(min(stated_width_deg(own_formulas.lit(one.scene).lamp), _WIDEST_DEG)))
     end = lamp[2] + 20.0
     if lit:
         for wider, strength in FANS:

@@ -20,6 +20,7 @@ from scipy.interpolate import PchipInterpolator
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.formula.closed_form import direct_field
+from lightfield.formula.own_formulas import lit
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.maps import render_scene
@@ -27,6 +28,7 @@ from lightfield.render.response.grid import positions_grid
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
 from lightfield.scene.bands import first_band_w_per_sr, over_first_band
+from lightfield.scene.lamp.width import core_width_deg
 from lightfield.scene.water.coefficients import (
     absorption_per_m,
     coefficients_in,
@@ -167,7 +169,8 @@ def _late_light(
     """Trace in the mean water of the light, weigh for its colours, and sort by delay."""
     zero = np.zeros(len(nodes_m))
     x, y = zero + water.lamp.offset_x_m, zero + water.lamp.offset_y_m
-    grid = positions_grid(x, y, nodes_m, _CELL_M, water.lamp.hwhm_deg, None, detector=water.detector)
+    width = core_width_deg(lit(water).lamp)
+    grid = positions_grid(x, y, nodes_m, _CELL_M, width, None, detector=water.detector)
     grid = surrounded(grid)
     a, b = colours.water_of(water)
     molecular = colours.mean(molecular_per_m(water.water, colours.wavelength_nm))

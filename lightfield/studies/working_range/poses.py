@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lightfield.arrays import Array
+from lightfield.formula.own_formulas import lit
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, pose_names
@@ -75,7 +76,8 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
         With scattered light, and by the formula.
     """
     array = scene.array or ARRAY
-    whole = scene.model_copy(update={"array": array, "follower": follower_in(scene.follower, scene.tank)})
+    told = {"array": array, "follower": follower_in(scene.follower, scene.tank)}
+    whole = lit(scene.model_copy(update=told))
     elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]
     nuisances = nuisances_of(whole)
     poses = poses_on_axis(whole.lamp, z_m)

@@ -30,7 +30,7 @@ SMOOTHED = 0.01
 #: What cannot be known at all, in m and rad, for logarithms.
 _UNKNOWN = 1e6
 #: Steps on which distances are looked for, and distances at which poses are asked about.
-_SCAN, _POSES = 600, 13
+SCAN, POSES = 600, 13
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ def docking_reach(scene: Scene, from_m: float, to_m: float, *, photons: float) -
     photons : float
         Zero: the formula alone.
     """
-    z = np.linspace(from_m, to_m, _POSES)
+    z = np.linspace(from_m, to_m, POSES)
     data = xr.Dataset(pose_sigmas(known_poses(scene, z, photons=photons), z, z), coords={"z_m": z})
-    return next(r for r in pose_reaches(data, np.linspace(from_m, to_m, _SCAN)) if r.name == "pose")
+    return next(r for r in pose_reaches(data, np.linspace(from_m, to_m, SCAN)) if r.name == "pose")
 
 
 def pose_reaches(data: xr.Dataset, fine: Array) -> list[Reach]:

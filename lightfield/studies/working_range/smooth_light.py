@@ -28,6 +28,7 @@ from lightfield.render.response.response import TransportResponse
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import hardening_depth
 
@@ -38,8 +39,9 @@ _TERMS, _TURNING = (5, 3), (3, 2)
 _STEP_M, _FINEST_M = 0.16, 0.02
 #: So many cells lie between the light that is asked for and a wall, and at least beside the array.
 _FROM_WALLS, _FROM_WALLS_AT_LEAST = 2.5, 1.6
-#: Light is followed to so many half widths of the beam at least, and beyond the array.
-_HALF_WIDTHS = 1.2
+#: Light is followed to so many half widths of the beam at least, and beyond the array; but to this tangent: a
+#: wider beam is smooth about its axis, and at 60 degrees would fill millions of cells.
+_HALF_WIDTHS, _WIDE = 1.2, 0.25
 #: Room for the array beside its own reach, m: derivatives ask next to it.
 _ROOM_M = 0.05
 #: Part of a cell that is rounding.
@@ -290,7 +292,8 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
         The array reaches into a wall.
     """
     near, end, step = near_m - 0.5 * reach_m, far_m + reach_m, _STEP_M
-    tangent = max((reach_m + _ROOM_M) / near_m, _HALF_WIDTHS * np.tan(np.radians(scene.lamp.hwhm_deg)))
+    beam = _HALF_WIDTHS * np.tan(np.radians(stated_width_deg(scene.lamp)))
+    tangent = max((reach_m + _ROOM_M) / near_m, min(beam, _WIDE))
     wide, aside = tangent * end, _aside(scene, end)
     if scene.tank is not None:
         (left, right), (low, high), (_, wall) = scene.tank.box_m

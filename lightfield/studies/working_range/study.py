@@ -20,15 +20,25 @@ from scipy.interpolate import CubicSpline
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.diffuse_light import DiffuseSource
+from lightfield.formula.own_formulas import lit
 from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.render.limits import AXIS_PHOTONS, check_photons
 from lightfield.scene import DetectorArray, Scene
+from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.parameters import told
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
 from lightfield.studies.working_range.around_axis import RADII, SmoothField
 from lightfield.studies.working_range.poses import known_poses
-from lightfield.studies.working_range.reaches import Reach, last_place, place_error, pose_reaches, pose_sigmas
+from lightfield.studies.working_range.reaches import (
+    POSES,
+    SCAN,
+    Reach,
+    last_place,
+    place_error,
+    pose_reaches,
+    pose_sigmas,
+)
 
 #: The paper's rule.
 PAPER_SHARE = 0.20
@@ -45,14 +55,12 @@ _DEGREES, _LEAST_ERROR = (4, 3), 1e-3
 _SHOWN = 61
 #: Step of derivatives, m.
 _STEP_M = 1e-3
-#: Distances at which poses are asked about.
-_POSES = 13
+#: Light of a wider beam is asked for as of one of this width, degrees: there the inverse square leaves half.
+_WIDEST_DEG = 45.0
 #: No light, for logarithms.
 _DARK = 1e-300
 #: Kept free before the end of a tank, m.
 _BEFORE_WALL_M = 0.05
-#: Ranges are looked for on so many steps.
-_SCAN = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +156,9 @@ def working_range(
     with step(0, 2, "light"):
         field, light = _field(scene, trace, nodes)
     plain, _ = _field(scene, None, nodes)
-    fine = _steps(first, last, _SCAN)
+    fine = _steps(first, last, SCAN)
     axis = [f.at(np.zeros(len(z)), z) for f in (field, plain)]
-    at = _steps(first, last, _POSES)
+    at = _steps(first, last, POSES)
     with step(1, 2, "poses"):
         known = known_poses(scene, at, photons=0.0 if trace is None else photons)
     modes = light.relative_modes[:: len(RADII)]
@@ -196,15 +204,19 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
 
 
 def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[SmoothField, LightAt]:
-    """Light around the axis, and at the places it was asked at (radii within distances)."""
-    beam = float(np.tan(np.radians(scene.lamp.hwhm_deg)))
-    most = float(RADII[-1])
+    """Light around the axis, and at the places it was asked at: radii within distances, where a tank has most
+    room."""
+    lamp = lit(scene).lamp
+    beam = float(np.tan(np.radians(min(stated_width_deg(lamp), _WIDEST_DEG))))
+    most, towards = float(RADII[-1]), 1.0
     if scene.tank is not None:
-        most = min(most, (scene.tank.box_m[0][1] - _BEFORE_WALL_M) / (beam * z[-1]))
+        left, right = (abs(wall - lamp.offset_x_m) for wall in scene.tank.box_m[0])
+        towards = 1.0 if right >= left else -1.0
+        most = min(most, (max(left, right) - _BEFORE_WALL_M) / (beam * z[-1]))
     width = beam * most / RADII[-1]
     along, radius = (v.ravel() for v in np.meshgrid(z, RADII, indexing="ij"))
-    x = scene.lamp.offset_x_m + radius * width * along
-    light = light_at(scene, x, np.full(len(x), scene.lamp.offset_y_m), along, trace)
+    x = lamp.offset_x_m + towards * radius * width * along
+    light = light_at(scene, x, np.full(len(x), lamp.offset_y_m), along, trace)
     log = np.log(np.maximum(light.direct, _DARK) * along**2) + _smooth(light, along, radius)
     return SmoothField(z, width, log.reshape(len(z), -1)), light
 

@@ -16,6 +16,8 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.report.working_range import range_page
 from lightfield.scene import Scene
+from lightfield.studies.working_range import smooth_light as smoothed
+from lightfield.studies.working_range import study
 from lightfield.studies.working_range.smooth_light import smooth_light
 from lightfield.studies.working_range.study import WorkingRange, working_range
 from lightfield.studies.working_range.text import as_data, as_text
@@ -58,6 +60,46 @@ def test_radius_of_half_intensity_is_the_beams(formula) -> None:
 
         expected = brentq(half, 0.05, 1.5)
         assert float(formula.dataset.half_radius_m.sel(z_m=z)) == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_spot_of_a_table_is_that_of_the_beam_that_is_tabulated(tmp_path) -> None:
+    """Whatever lamp.hwhm_deg says, which a table does not have: here 20 degrees."""
+    angle = np.linspace(0, 90, 1801)
+    columns = np.column_stack([angle, np.exp(-np.log(2) * (angle / 20.0) ** 2)])
+    np.savetxt(tmp_path / "beam.csv", columns, "%.9g", ",", header="angle_deg,intensity", comments="")
+    table = {"profile": "table", "intensity_table": str(tmp_path / "beam.csv")}
+    found, known = (working_range(scene(lamp=one), None) for one in (table, {"hwhm_deg": 20.0}))
+    assert np.isfinite(found.dataset.half_radius_m).all()
+    np.testing.assert_allclose(found.dataset.half_radius_m, known.dataset.half_radius_m, rtol=1e-3)
+
+
+def test_light_is_asked_for_in_the_water_wherever_the_lamp_is(monkeypatch) -> None:
+    """Beside a wall of a tank 2 m wide, towards its middle: the radius is that of a lamp in the middle."""
+    asked, of = [], study.light_at
+    monkeypatch.setattr(study, "light_at", lambda s, x, *rest: asked.append(x) or of(s, x, *rest))
+    tank = {"width_m": 2.0, "length_m": 12.0}
+    found, known = (
+        working_range(scene(lamp={"offset_x_m": x, "hwhm_deg": 3.81}, tank=tank), None) for x in (0.6, 0.0)
+    )
+    assert np.abs(np.concatenate(asked)).max() < 1.0
+    np.testing.assert_allclose(found.dataset.half_radius_m, known.dataset.half_radius_m, rtol=2e-3)
+
+
+def test_smooth_light_of_a_wide_beam_is_followed_about_its_axis(monkeypatch) -> None:
+    """At 60 degrees in open water, 17 m away: not to 5 million cells; and as in a trace of its own."""
+    base = scene(lamp={"hwhm_deg": 60.0}, **array(size_m=0.4, radius_m=0.32))
+    regions = []
+    keep = smoothed.traced_field
+    monkeypatch.setattr(
+        smoothed, "traced_field", lambda s, region, **more: regions.append(region) or keep(s, region, **more)
+    )
+    light = smooth_light(base, 1.5, 4.0, 0.3, 4e5)
+    assert regions[0].half_width_m < 0.26 * 4.3
+    place = np.array([[0.0, 0.0, 1.5], [0.2, 0.1, 2.5], [0.0, -0.3, 4.0]])
+    normal = np.array([[0, 0, -1.0], [0.3, 0, -0.954], [0, 0.5, -0.866]])
+    smooth, error = light.irradiance(place, normal)
+    traced, noise = traced_field(base, Region(0.64, 1.3, 4.3), photons=4e5, seed=1).irradiance(place, normal)
+    assert np.all(np.abs(smooth / traced - 1) < 3.5 * np.hypot(error, noise) / traced + 0.003)
 
 
 def array(**values) -> dict:
