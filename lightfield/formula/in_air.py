@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lightfield.errors import SceneError
+from lightfield.formula.own_formulas import lit
 from lightfield.scene import Scene
 
 
@@ -23,13 +24,13 @@ def in_air(scene: Scene) -> Scene:
         values |= {"tank.surface_reflectance": 0.0}
     n = scene.lamp.window_index
     if n != 1.0:
-        lamp = scene.lamp
+        lamp = lit(scene).lamp
         if lamp.intensity_table is not None or lamp.apparent_distance_m or lamp.profile_departure:
             raise SceneError(
                 "the beam of this lamp in air is not known",
                 where="lamp.window_index",
                 found=n,
-                rule="1 with a table of intensity, a free profile or an apparent source",
+                rule="1 with a table of intensity, a free profile, a formula of theta or an apparent source",
                 remedy="give the beam as it is in air, and lamp.window_index = 1",
             )
         wider = {f"lamp.{name}": n * getattr(lamp, name) for name in ("hwhm_deg", "skirt_hwhm_deg")}

@@ -41,5 +41,11 @@ def test_nothing_of_the_water_is_left() -> None:
 
 
 def test_a_beam_that_a_window_would_bend_unknown() -> None:
+    own = {"name": "ring", "stage": "source", "formula": "1 + a*theta"}
+    own["parameters"] = {"a": {"range": [0.0, 1.0], "neutral": 0.0, "value": 0.3}}
+    ring = Scene.model_validate(scene(window_index=1.34).model_dump() | {"effect": [own]})
+    with pytest.raises(SceneError, match="window_index"):
+        in_air(ring)
+    assert in_air(ring.with_values({"lamp.window_index": 1.0})).effect == ring.effect
     with pytest.raises(SceneError, match="window_index"):
         in_air(scene(window_index=1.34, apparent_distance_m=0.5))
