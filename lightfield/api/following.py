@@ -92,7 +92,8 @@ def follow(
     believe : str or sequence of str
         Light it believes in: "field", "fitted", "exact", "clear", "relative"; default: as each scene says.
     runs : int
-        With noise, gain and water of their own.
+        With noise, gain, water and lamp's direction of their own, as far as the scene says that they
+        are not known.
     duration : float, s, optional
         Of a run; default: as each scene says.
     max_photons : float

@@ -32,8 +32,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="light it believes in: field, fitted, exact, clear, relative (default: as the scene says)",
     )  # fmt: skip
     parser.add_argument(
-        "--runs", type=int, default=4, metavar="N", help="with noise, gain and water of their own (default 4)"
-    )
+        "--runs", type=int, default=4, metavar="N",
+        help="each with noise, gain, water and lamp's direction of its own, as far as the scene says that "
+        "they are not known (default 4)",
+    )  # fmt: skip
     parser.add_argument(
         "--duration", type=float, metavar="S", help="of a run (default: as the scene says, 120 s)"
     )

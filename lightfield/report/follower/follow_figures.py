@@ -9,6 +9,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lightfield.formula import own_formulas
 from lightfield.report.style import (
     BAD,
     FORMULA,

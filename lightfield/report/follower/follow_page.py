@@ -53,9 +53,9 @@ def following_page(found: Following) -> str:
             [
                 page_figure(
                     "way",
-                    f"Thin: each of {count} runs, with noise, gain and water of its own as far as the scene "
-                    "says that they are not known. Thick: their mean. Grey band: dark; green band: the water "
-                    "changes.",
+                    f"Thin: each of {count} runs, with noise, gain, water and lamp of its own as far as the "
+                    "scene says that they are not known. Thick: their mean. Grey band: dark; green band: the "
+                    "water changes.",
                     "Distance and offset over time",
                     way_figure,
                     cases,

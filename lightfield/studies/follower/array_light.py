@@ -146,9 +146,20 @@ class ArrayModel:
     elements: Elements
     gain: float = 1.0
 
-    def readings(self, poses: Array) -> Array:
-        """Shape (m, n_elements), at poses of shape (m, 6), m and rad."""
+    def readings(self, poses: Array, lamp_tilts: Array | None = None) -> Array:
+        """Shape (m, n_elements), at poses of shape (m, 6), m and rad.
+
+        Parameters
+        ----------
+        lamp_tilts : array, shape (m, 2), rad, optional
+            Of the lamp, towards +x and up, beyond the scene's; all of its light turns with it.
+        """
         place, normal = placed(self.elements, poses)
+        if lamp_tilts is not None:
+            # A lamp that turns is a follower that turns the other way about it. Forward of an array is -z, of
+            # the lamp z: +yaw turns the lamp's light towards -x, +pitch down.
+            back = rotations(np.pad(lamp_tilts, ((0, 0), (0, 1)))).swapaxes(-1, -2)
+            place, normal = place @ back, normal @ back
         read = self.light.reading(place.reshape(-1, 3), normal.reshape(-1, 3))
         return self.gain * read.reshape(len(poses), len(self.elements))
 
@@ -244,15 +255,9 @@ class ArrayModel:
         return (more - less) / (2 * WATER_STEP)
 
     def _by_tilt(self, pose: Array, axis: str) -> Array:
-        """A lamp that turns towards +x, or up, is a follower that turns the other way about the lamp."""
-        read = []
-        for sign in (1, -1):
-            # Forward of an array is -z, of the lamp z: +yaw turns the lamp's light towards -x, +pitch down.
-            angles = np.array([sign * STEP, 0.0, 0.0] if axis == "x" else [0.0, sign * STEP, 0.0])
-            turn = rotations(angles)
-            place, normal = placed(self.elements, pose[None])
-            read.append(self.light.reading(place[0] @ turn.T, normal[0] @ turn.T))
-        return self.gain * (read[0] - read[1]) / (2 * STEP)
+        tilt = STEP * np.array([[axis == "x", axis == "y"]], float)
+        more, less = (self.readings(pose[None], sign * tilt)[0] for sign in (1, -1))
+        return np.asarray((more - less) / (2 * STEP))
 
 
 def _by_angles(elements: Elements, poses: Array, angles: Sequence[int]) -> tuple[Array, Array]:

@@ -269,7 +269,8 @@ def follow(
     believes : sequence of str
         Every scene is run with each of these (`BELIEFS`); by default with what it says itself.
     runs : int
-        Of every follower, with noise, gain and water of their own.
+        Of every follower, with noise, gain, water and lamp's direction of their own, as far as the scene says
+        that they are not known.
     seed : int
     photons : float
         Of a trace, which scenes share that differ in their water alone; zero: only the formula.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from lightfield.arrays import Array
 from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.in_tank import follower_in
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, Space, light_of
 from lightfield.studies.follower.array_noise import PERCENT
 from lightfield.studies.follower.bias import CLEAR, FITTED, RELATIVE, believed
@@ -27,6 +27,8 @@ FITTED_OVER_M = 2.0
 TURBID_STEPS = 9
 #: The most turbid of several waters is so much denser than the one that is traced (as in `pose bias`).
 DENSER = 2.0
+#: Light is known so many standard deviations of the lamp's direction to the side, up to an angle, degrees.
+TILTED, WIDEST_DEG = 3.0, 45.0
 
 
 def space_of_mission(scene: Scene) -> Space:
@@ -61,7 +63,10 @@ def light_of_mission(
     most = densest_per_m(scene) if densest is None else densest
     if photons and most > scene.water.scattering_per_m and scene.water.base == "none":
         scene = scene.with_values({"water.scattering_per_m": most / DENSER})
-    return light_of(scene, space_of_mission(scene), elements, photons=photons, seed=seed)
+    space, tilt = space_of_mission(scene), follower_in(scene.follower, scene.tank).lamp_tilt_known_deg
+    aside = space.far_m * np.tan(np.radians(min(TILTED * tilt, WIDEST_DEG)))
+    wider = replace(space, half_width_m=space.half_width_m + float(aside))
+    return light_of(scene, wider, elements, photons=photons, seed=seed)
 
 
 def belief_of(name: str, truth: Light, elements: Elements, standoff_m: float) -> tuple[ArrayModel, bool]:
@@ -97,14 +102,17 @@ class Truth:
         By run and by level of turbidity; one list where all runs have the same water.
     gains : array, shape (runs, n_elements)
         Of every element, its mismatch included.
+    tilts : array, shape (runs, 2), rad
+        Of the lamp, towards +x and up, beyond what the scene says.
     """
 
     models: list[list[ArrayModel]]
     gains: Array
+    tilts: Array
 
     @classmethod
     def of(cls, scene: Scene, light: Light, elements: Elements, runs: int, rng: np.random.Generator) -> Truth:
-        """Draw what the follower does not know of gain and water, as far as the scene says, for every run."""
+        """Draw what the follower does not know, as far as the scene says (`nuisances_of`), for every run."""
         array, follower = scene.array, follower_in(scene.follower, scene.tank)
         assert array is not None
         mismatch = 1 + PERCENT * array.gain_mismatch_percent * rng.standard_normal((runs, len(elements)))
@@ -112,35 +120,43 @@ class Truth:
         off = np.exp(PERCENT * follower.water_known_percent * rng.standard_normal((runs, 2)))
         factor = follower.mission.turbid_factor
         steps = np.linspace(1.0, factor, TURBID_STEPS if factor != 1.0 else 1)
-        known = follower.water_known_percent == 0 or scene.water.base != "none"
-        waters = [(1.0, 1.0)] if known else off.tolist()
+        waters = off.tolist() if follower.water_known_percent else [(1.0, 1.0)]
         models = [
             [ArrayModel(light.in_water_of(_water(scene, a, b * float(f))), elements) for f in steps]
             for a, b in waters
         ]
-        return cls(models, drift * mismatch)
+        tilts = np.zeros((runs, 2))
+        if follower.lamp_tilt_known_deg:
+            tilts = np.radians(follower.lamp_tilt_known_deg) * rng.standard_normal((runs, 2))
+        return cls(models, drift * mismatch, tilts)
 
     def readings(self, poses: Array, turbid: float) -> Array:
         """Shape (runs, n_elements), at poses of shape (runs, 6); turbidity from 0 (first) to 1 (last)."""
         if len(self.models) == 1:
-            return np.asarray(self.gains * _between(self.models[0], poses, turbid))
-        found = [_between(m, pose[None], turbid)[0] for m, pose in zip(self.models, poses, strict=True)]
+            return np.asarray(self.gains * _between(self.models[0], poses, self.tilts, turbid))
+        each = zip(self.models, poses, self.tilts, strict=True)
+        found = [_between(model, pose[None], tilt[None], turbid)[0] for model, pose, tilt in each]
         return np.asarray(self.gains * np.array(found))
 
 
-def _between(models: list[ArrayModel], poses: Array, turbid: float) -> Array:
+def _between(models: list[ArrayModel], poses: Array, tilts: Array, turbid: float) -> Array:
     at = turbid * (len(models) - 1)
     low = min(int(at), len(models) - 1)
-    read = models[low].readings(poses)
+    lamp = tilts if tilts.any() else None
+    read = models[low].readings(poses, lamp)
     if at > low:
-        read = read ** (1 - (at - low)) * models[low + 1].readings(poses) ** (at - low)
+        read = read ** (1 - (at - low)) * models[low + 1].readings(poses, lamp) ** (at - low)
     return np.asarray(read)
 
 
 def _water(scene: Scene, absorption: float, scattering: float) -> Scene:
+    """The scene in water of so many times its coefficients, all in all; molecules scatter as ever."""
     if absorption == scattering == 1.0:
         return scene
-    water = scene.water
-    now = {"absorption_per_m": water.absorption_per_m, "scattering_per_m": water.scattering_per_m}
-    factors = {"absorption_per_m": absorption, "scattering_per_m": scattering}
-    return scene.with_values({f"water.{k}": v * factors[k] for k, v in now.items()}, validate=False)
+    water, at = scene.water, middles_nm(scene)[0].mean(keepdims=True)
+    (a,), (b,), (molecules,) = (f(water, at) for f in (absorption_per_m, scattering_per_m, molecular_per_m))
+    values = {
+        "water.absorption_per_m": water.absorption_per_m + (absorption - 1.0) * a,
+        "water.scattering_per_m": water.scattering_per_m + max(scattering * b, molecules) - b,
+    }
+    return scene.with_values({path: float(value) for path, value in values.items()}, validate=False)

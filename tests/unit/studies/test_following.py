@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,10 @@ from lightfield.studies.follower.tracking import Filter
 from lightfield.studies.following import sweep
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.loop import _Moving
-from lightfield.studies.following.metrics import OverRuns
+from lightfield.studies.following.metrics import OverRuns, metrics_of
 from lightfield.studies.following.study import Followed, Following, follow, with_belief
 from lightfield.studies.following.sweep import QUANTITY, as_data, run_follow_sweep
-from lightfield.studies.following.truth_and_belief import belief_of
+from lightfield.studies.following.truth_and_belief import Truth, belief_of
 from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.results import open_store, verify
 
@@ -82,6 +83,50 @@ def test_what_is_not_known_scatters_from_run_to_run() -> None:
     assert 0.5 * expected < scatter < expected * (1 + 4 / np.sqrt(2 * 23))
     one = found.spreads["standoff"]
     assert one.error == pytest.approx(one.scatter / np.sqrt(24))
+
+
+@pytest.mark.parametrize(
+    "water", [{}, {"base": "pure"}, {"chlorophyll_mg_per_m3": 1.0, "scattering_per_m": 0.0}]
+)
+def test_water_that_is_not_known_is_drawn_as_the_bound_takes_it(water: dict[str, object]) -> None:
+    """Absorption and scattering as a whole, whatever they are made of, each by a factor of its own."""
+    scene = KNOWN.with_values({f"water.{k}": v for k, v in water.items()})
+    scene = scene.with_values({"follower.water_known_percent": 20.0})
+    elements, runs = elements_of(scene.array), 200  # type: ignore[arg-type]
+    truth = Truth.of(scene, FormulaLight(scene), elements, runs, np.random.default_rng(1))
+    at = np.array([525.0])
+    for coefficient in (absorption_per_m, scattering_per_m):
+        drawn = np.array([coefficient(one[0].light.scene.water, at)[0] for one in truth.models])
+        log = np.log(drawn / coefficient(scene.water, at)[0])
+        assert log.std(ddof=1) == pytest.approx(0.2, abs=4 * 0.2 / np.sqrt(2 * runs))
+        assert abs(log.mean()) < 4 * 0.2 / np.sqrt(runs)
+
+
+def test_the_lamps_direction_is_drawn_as_the_bound_takes_it() -> None:
+    """A lamp that points elsewhere by d is a spot moved by z tan d: readings of a scene with that tilt."""
+    scene = KNOWN.with_values({"follower.lamp_tilt_known_deg": 1.0})
+    elements, runs = elements_of(scene.array), 200  # type: ignore[arg-type]
+    truth = Truth.of(scene, FormulaLight(scene), elements, runs, np.random.default_rng(1))
+    tilts = np.degrees(truth.tilts)
+    assert tilts.std(axis=0, ddof=1) == pytest.approx([1.0, 1.0], abs=4 / np.sqrt(2 * runs))
+    pose = np.array([0.1, -0.2, 6.0, 0.05, 0.02, 0.0])
+    for k, (x, y) in enumerate(tilts[:3]):
+        tilted = scene.with_values({"lamp.tilt_x_deg": float(x), "lamp.tilt_y_deg": float(y)})
+        expected = ArrayModel(FormulaLight(tilted), elements).readings(pose[None])[0]
+        read = truth.readings(np.tile(pose, (runs, 1)), 0.0)[k]
+        np.testing.assert_allclose(read, expected, rtol=2e-3)
+
+
+def test_a_swing_beyond_the_distance_asked_for_is_overshoot() -> None:
+    """From 6.5 m, asked for 6.5 m: to 7.5 m is 1 m; from 8 m only what is nearer than 6.5 m counts."""
+    found = run(duration_s=6.0)
+    pose = found.track.pose.copy()
+    pose[..., 2] = 6.5
+    pose[3, 0, 2], pose[3, 1, 2] = 7.5, 6.1
+    swung = replace(found.track, pose=pose)
+    assert metrics_of(swung, found.mission)["overshoot"].tolist() == pytest.approx([1.0, 0.4])
+    pose[:3, :, 2] = 8.0
+    assert metrics_of(swung, found.mission)["overshoot"].tolist() == pytest.approx([0.0, 0.4])
 
 
 def test_equal_seeds_give_equal_runs() -> None:
