@@ -249,7 +249,11 @@ class Curves:
         # A table's width is not fitted: there the angle's square is a function like others.
         known = 1 if lamp.profile == "table" else 2
         family = _Family(place, rough, [np.ones(NODES), x**2], known)
-        return self._basis(PROFILE, family, theta, value_at)
+        found = self._basis(PROFILE, family, theta, value_at)
+        # What could contradict it is not other angles alone, but the other places at each.
+        where = np.stack([np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)])[:, self._weight > 0]
+        places = len(np.unique(np.round(where, _PLANE_DECIMALS), axis=1).T)
+        return found and replace(found, told=max(found.told, places - known))
 
     def _absorption(self) -> Basis | None:
         r = self.readings

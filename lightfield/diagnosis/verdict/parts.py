@@ -118,6 +118,9 @@ class FoundEffect(Record):
     other_lamp: bool = Field(
         False, description="a lamp of another shape would do what it and others of the set do"
     )
+    lamp_detail: bool = Field(
+        False, description="it may stand for detail of the lamp that the finest curve leaves out"
+    )
     of_scene: bool = Field(
         False, description="the scene states it: what is sure is that its size is another, or none (`stated`)"
     )

@@ -74,13 +74,18 @@ def place(one: SetAside | PlaceToRead, waves: bool = False) -> str:
     return f"x = {x:.3g}, y = {y:.3g}, z = {z:.3g} m{colour}{medium}"
 
 
+def short(value: float, digits: int) -> str:
+    """A number to so many digits, of a large one all before the point."""
+    return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+
+
 def exactly(one: Estimate) -> str:
     """A value with its error, or why there is none: to look it up."""
-    error = f"({one.reason})" if one.stderr is None else f"± {one.stderr:.2g}"
+    error = f"({one.reason})" if one.stderr is None else f"± {short(one.stderr, 2)}"
     return in_unit(f"{one.value:.4g} {error}", one.unit)
 
 
 def roughly(one: Estimate) -> str:
     """A value with its error, if any: to read on."""
-    error = "" if one.stderr is None else f" ± {one.stderr:.1g}"
+    error = "" if one.stderr is None else f" ± {short(one.stderr, 1)}"
     return in_unit(f"{one.value:.3g}{error}", one.unit)

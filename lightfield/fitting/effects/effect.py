@@ -154,7 +154,8 @@ class Effect:
     @cached_property
     def of_direction(self) -> bool:
         """It acts by the direction of direct light alone, at the lamp or at the receiver."""
-        return all(not acts_on(path) & ~(Acts.BEAM | Acts.RECEIVER) for path in self.paths)
+        acts = [acts_on(path) for path in self.paths]  # nothing of a formula of the user's own
+        return all(one and not one & ~(Acts.BEAM | Acts.RECEIVER) for one in acts)
 
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation? See `TOGETHER`."""

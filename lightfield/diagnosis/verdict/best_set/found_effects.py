@@ -76,7 +76,8 @@ def _record(
             "rival": sorted(one.rival.names) if one.rival is not None else [],
             "alternatives": [list(names) for names in one.alternatives],
             "beyond": list(one.beyond),
-            "other_lamp": one.other_lamp,
+            "other_lamp": one.other_lamp and candidate.effect.of_direction,
+            "lamp_detail": one.other_lamp and not candidate.effect.of_direction,
             "weight": one.weight,
             "without_it": None if one.without is None else _water_and_beam(forward, one.without.fit),
         }

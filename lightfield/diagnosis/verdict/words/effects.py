@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
-from lightfield.diagnosis.verdict.speech import capital, exactly, join, plain, roughly
+from lightfield.diagnosis.verdict.speech import capital, exactly, join, plain, roughly, short
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of.
 _SPOKEN = 50.0
@@ -14,6 +14,7 @@ _SCATTERING = "scattering"
 _WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
 #: A lamp of any shape.
 _CURVE = "beam_profile"
+_DETAIL = " detail of the lamp that its curve leaves out"
 #: What may replace an effect, of which so many are told.
 _ALTERNATIVES_TOLD = 3
 
@@ -26,7 +27,8 @@ def level(one: FoundEffect) -> str:
         return "certain as far as the unexplained rest allows"
     others = instead(one)
     if one.level == "simplest":
-        return f"simplest; {others} would do as well" if others else "simplest"
+        also = f"; {others} would do as well" if others else ""
+        return f"simplest{also}{'; perhaps' + _DETAIL if one.lamp_detail else ''}"
     if others:
         return f"one of: this, or {others}"
     if follows_any(one):
@@ -71,7 +73,9 @@ def _with(names: Sequence[str]) -> str:
 def effect_size(one: FoundEffect) -> str:
     """The parameters of an effect with their errors; of a curve how far it departs."""
     if one.rms_percent is not None:
-        return f"a curve of {len(one.parameters)} functions, {one.rms_percent:.2g} % rms of the readings"
+        return (
+            f"a curve of {len(one.parameters)} functions, {short(one.rms_percent, 2)} % rms of the readings"
+        )
     return ", ".join(f"{path.rpartition('.')[2]} = {exactly(e)}" for path, e in one.parameters.items())
 
 
