@@ -53,13 +53,13 @@ def is_absolute(text: str) -> bool:
     return text not in (*COUNTS, RELATIVE)
 
 
-def absolute_or_none(text: str) -> str:
-    """The canonical spelling of a unit of power; "" of counts, and of what is no unit of light."""
+def stated(text: str) -> str:
+    """The canonical spelling of a unit that a file states; "" of what is no unit of light."""
     try:
         found = canonical(text)
     except ValueError:
         return ""
-    return found if is_absolute(found) else ""
+    return "" if found == RELATIVE else found
 
 
 def to_si(text: str, quantity: str) -> float:

@@ -187,10 +187,10 @@ def _settle(shots: Sequence[Shot], needed: bool, problems: Problems) -> list[Sho
             and abs(stated - header) > reduction.SAME_EXPOSURE * header
         ):
             problems.add(
-                f"{shot.entry.called}: the index and the file state different exposures",
+                "the index and the file state different exposures",
                 place=shot.entry.line,
-                found=f"{stated:g} s and {header:g} s",
-                remedy="remove integration_time_s from this line",
+                found=f"{stated:g} s and {header:g} s of {shot.entry.called}",
+                remedy="give integration_time_s in seconds, or leave it blank: the file's is taken then",
             )
         exposure = header if np.isfinite(header) else stated
         if needed and not np.isfinite(exposure):

@@ -86,7 +86,10 @@ def signal(shot: Shot, unit: str) -> Array:
             and unit != units.RELATIVE
             and not _same_unit(unit, spectrum.processed_unit)
         ):
-            raise ValueError(f"this {spectrum.format} file is in {spectrum.processed_unit}, not {unit}")
+            said = spectrum.processed_unit
+            raise ValueError(
+                f"the file says that its numbers are in {said}, not {unit}: take the unit {said}"
+            )
         if spectrum.photons and unit != units.RELATIVE:
             raise ValueError(f"a {spectrum.format} counts photons: take the unit relative")
         return spectrum.columns["value"]
@@ -105,7 +108,9 @@ def signal(shot: Shot, unit: str) -> Array:
 
 
 def _same_unit(one: str, other: str) -> bool:
-    """Do both mean the same of one quantity?"""
+    """Are both the same, or do they mean the same of one quantity?"""
+    if one == other:
+        return True
     for quantity in units.SI:
         try:
             first, second = units.to_si(one, quantity), units.to_si(other, quantity)
@@ -160,7 +165,7 @@ def choose_darks(shot: Shot, darks: Sequence[Shot], need_exposure: bool, lit_s: 
     pixels = [
         d
         for d in darks
-        if len(d.spectrum) == len(grid) and np.allclose(d.spectrum.wavelength_nm, grid, rtol=0, atol=0.02)
+        if len(d.spectrum) == len(grid) and np.abs(d.spectrum.wavelength_nm - grid).max() <= 0.02
     ]
     if not pixels:
         raise ValueError("no dark spectrum has its wavelengths")

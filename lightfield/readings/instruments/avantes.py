@@ -7,7 +7,7 @@ import re
 from lightfield.arrays import Array
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.document import Document
-from lightfield.readings.instruments.number_block import check_axis, find_table, header_of, wavelength_column
+from lightfield.readings.instruments.number_block import check_axis, header_of, wavelength_column
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -36,7 +36,7 @@ def claims(document: Document) -> bool:
 def read(document: Document) -> Spectrum:
     """Read it."""
     problems = Problems(document.where)
-    table = find_table(document.lines, problems)
+    table = document.columns(problems)
     if table is None:
         rule, remedy = "lines of numbers", "export it again"
         problems.refuse(UNUSABLE, "there are no spectral data", rule=rule, remedy=remedy)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import text
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.number_block import check_axis, mark_in
+from lightfield.readings.instruments.number_block import NumberBlock, check_axis, find_table, mark_in
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -61,6 +62,18 @@ class Document:
     def block(self, *words: str) -> MarkedLines | None:
         """The first block whose title holds all these words."""
         return next((b for b in self.blocks if all(word in labels.folded(b.title) for word in words)), None)
+
+    @cached_property
+    def _columns(self) -> tuple[NumberBlock | None, Problems]:
+        problems = Problems(self.where)
+        return find_table(self.lines, problems), problems
+
+    def columns(self, problems: Problems | None = None) -> NumberBlock | None:
+        """Its first block of columns of numbers, sought once; what is wrong in it goes to `problems`."""
+        table, found = self._columns
+        if problems is not None:
+            problems.found += found.found
+        return table
 
     @property
     def numbers(self) -> MarkedLines | None:

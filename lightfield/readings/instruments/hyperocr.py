@@ -193,7 +193,7 @@ def _decoded(data: bytes, calibration: Calibration, where: str) -> list[Spectrum
             integration_time_s=float(exposure[k]) if exposure[k] > 0 else float("nan"),
             spectrometer=label[3:] if label[3:5] != "HS" else label[5:],
             date=stamps[k],
-            processed_unit=units.absolute_or_none(calibration.unit),
+            processed_unit=units.stated(calibration.unit),
             label=label,
             immersion=immersion,
             notes=notes,

@@ -11,7 +11,8 @@ from lightfield.readings.instruments.oddity import Odd, Oddity
 
 # Matched against the label in lower case without accents.
 LABELS = {
-    "integration": r"(?!.*\bauto)(?=.*integra)(?=.*\b(time|zeit|temps|tiempo|tempo)|.*zeit).*",
+    "integration": r"(?!.*\bauto)(?=.*(integra|e[xs]pos|belicht))"
+    r"(?=.*(\b|_)(time|zeit|temps|tiempo|tempo)|.*zeit|exposure\s*[\[(]).*",
     "averaged": r".*(spectra averaged|scans? to average|mittelung|moyenn|promedi|\bmediat).*",
     "boxcar": r".*(boxcar|alisar|furgon|lissage|glattung).*",
     "electric_dark": r".*(electric(al)? dark|elektrisch\w* dunkel|noir electri|electrica.*obscuridad).*",
@@ -95,11 +96,11 @@ def seconds(label: str, text: str) -> float:
     ValueError
         No number, no unit, or a mark of which nobody can say whether it is decimal or thousands.
     """
-    match = re.match(r"\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([a-zµμ]*)", text, re.ASCII | re.IGNORECASE)
+    match = re.match(r"\s*([+-]?[\d.,]+(?:[eE][+-]?\d+)?)[\s;]*([a-zµμ]*)", text, re.ASCII | re.IGNORECASE)
     if not match:
         raise ValueError("holds no number")
-    named = re.search(r"[(\[]\s*([^)\]]*?)\s*[)\]]", label)
-    unit = (named[1] if named else match[2]).lower().rstrip(".")
+    named = re.search(r"[(\[]\s*([^)\]]*?)\s*[)\]]|_(us|ms|s)$", label)
+    unit = (named[1] or named[2] or "" if named else match[2]).lower().rstrip(".")
     if unit not in _PER_SECOND:
         raise ValueError(
             f"has {unit!r} for its unit of time, which is not known" if unit else "has no unit of time"

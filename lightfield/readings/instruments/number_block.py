@@ -50,6 +50,8 @@ class NumberBlock:
     cells : list of list of str
     mark : str
         Decimal mark.
+    separator : str, optional
+        What parts the cells; None is white space.
     """
 
     head: tuple[str, ...]
@@ -58,6 +60,12 @@ class NumberBlock:
     lines: tuple[int, ...]
     cells: list[list[str]]
     mark: str
+    separator: str | None
+
+    @property
+    def header(self) -> dict[str, str]:
+        """Label and text of the lines before the table, which may be cells as its rows are."""
+        return header_of(self.head, self.separator or "")
 
     def column(self, index: int, problems: Problems, whole: bool = False) -> Array:
         """Numbers of a column; nan where a cell says there is none. What is no number goes to `problems`.
@@ -108,10 +116,12 @@ def find_table(lines: Sequence[str], problems: Problems) -> NumberBlock | None:
     """
     numbered = [(k, line.strip()) for k, line in enumerate(lines, 1) if line.strip()]
     for separator in _SEPARATORS:
+        if separator and not any(separator in line for _, line in numbered):
+            continue
         rows = [(k, _cells(line, separator)) for k, line in numbered]
         first = _first(rows)
         if first is not None:
-            return _table(rows, first, [line for _, line in numbered], problems)
+            return _table(rows, first, [line for _, line in numbered], separator, problems)
     return None
 
 
@@ -142,7 +152,11 @@ def _first(rows: Sequence[tuple[int, list[str]]]) -> int | None:
 
 
 def _table(
-    rows: Sequence[tuple[int, list[str]]], first: int, lines: Sequence[str], problems: Problems
+    rows: Sequence[tuple[int, list[str]]],
+    first: int,
+    lines: Sequence[str],
+    separator: str | None,
+    problems: Problems,
 ) -> NumberBlock | None:
     width = len(rows[first][1])
     # Names that are wavelengths look like a row of numbers.
@@ -166,8 +180,9 @@ def _table(
     names, units, above = _names(rows, first, width)
     mark = mark_in((cell for _, cells in body for cell in cells if _is_number(cell)), problems)
     return NumberBlock(
-        tuple(lines[:above]), names, units, tuple(k for k, _ in body), [cells for _, cells in body], mark
-    )
+        tuple(lines[:above]), names, units, tuple(k for k, _ in body), [cells for _, cells in body], mark,
+        separator,
+    )  # fmt: skip
 
 
 def mark_in(cells: Iterable[str], problems: Problems) -> str:
@@ -212,11 +227,15 @@ def wavelength_column(table: NumberBlock) -> int:
     return 0
 
 
-def header_of(head: Sequence[str]) -> dict[str, str]:
-    """Label and text of the lines before a table, parted by a colon, an equals sign or a tabulator."""
+def header_of(head: Sequence[str], separator: str = "") -> dict[str, str]:
+    """Label and text of the lines before a table.
+
+    They are parted by a colon, an equals sign, a tabulator, or what parts the table's cells.
+    """
     found: dict[str, str] = {}
+    parts = re.escape(f":=\t{separator}")
     for number, line in enumerate(head, 1):
-        match = re.fullmatch(r"\W*([^:=\t]{1,80}?)\s*[:=\t]\s*(.*?)[\s\"]*", line)
+        match = re.fullmatch(rf"\W*([^{parts}]{{1,80}}?)\s*[{parts}]\s*(.*?)[\s\"]*", line)
         if match:
             found.setdefault(match[1].strip(), match[2].strip(" \"'"))
         else:

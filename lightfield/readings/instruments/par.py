@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from lightfield.readings.instruments.document import Document
-from lightfield.readings.instruments.number_block import NumberBlock, find_table, header_of
+from lightfield.readings.instruments.number_block import NumberBlock
 from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
@@ -22,7 +22,7 @@ _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
 def claims(document: Document) -> bool:
     """Is this a table with a column of photosynthetically active radiation?"""
-    table = find_table(document.lines, Problems(document.where))
+    table = document.columns()
     return table is not None and bool(_columns(table))
 
 
@@ -38,14 +38,14 @@ def _columns(table: NumberBlock) -> list[int]:
 def read(document: Document) -> list[Spectrum]:
     """One number for the band of each row; the column's name is the label."""
     problems = Problems(document.where)
-    table = find_table(document.lines, problems)
+    table = document.columns(problems)
     chosen = _columns(table) if table is not None else []
     if table is None or not chosen:
         named = "a name like PAR, PPFD or quantum, or a unit in umol"
         problems.refuse(UNUSABLE, "no column of PAR", rule=named)
     values = {k: table.column(k, problems) for k in chosen}
     problems.raise_any(UNUSABLE)
-    header = {"title": document.title, **header_of(table.head)}
+    header = {"title": document.title, **table.header}
     when = next((k for k, cell in enumerate(table.cells[0]) if _CLOCK.search(cell)), None)
     return [
         Spectrum(

@@ -14,8 +14,6 @@ from lightfield.readings.instruments.document import Document
 from lightfield.readings.instruments.number_block import (
     NumberBlock,
     check_axis,
-    find_table,
-    header_of,
     wavelength_column,
 )
 from lightfield.readings.instruments.oddity import Odd, Oddity
@@ -29,7 +27,7 @@ MEANINGS = ("wavelength_nm", "value", "dark", "reference")
 
 def claims(document: Document) -> bool:
     """Is there a block of numbers with wavelengths down or across?"""
-    table = find_table(document.lines, Problems(document.where))
+    table = document.columns()
     if table is None:
         return False
     if table.across():
@@ -50,7 +48,7 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
         Which column is what (of MEANINGS), by its name or number from 1; the others are left aside.
     """
     problems = Problems(document.where)
-    table = find_table(document.lines, problems)
+    table = document.columns(problems)
     if table is None:
         problems.refuse(
             "not a usable file of columns", "there are no columns of numbers", remedy="export it as text"
@@ -139,7 +137,7 @@ def _spectrum(
     unit: str,
     notes: tuple[Oddity, ...],
 ) -> Spectrum:
-    header = header_of(table.head)
+    header = table.header
     seconds, odd = labels.exposure_said(header)
     return Spectrum(
         source=document.where,
@@ -148,7 +146,7 @@ def _spectrum(
         columns=columns,
         header={"title": document.title, **header},
         integration_time_s=seconds,
-        processed_unit=units.absolute_or_none(unit),
+        processed_unit=units.stated(unit),
         label=label,
         notes=(*notes, *odd),
     )

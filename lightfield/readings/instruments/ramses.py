@@ -113,7 +113,7 @@ def _spectrum(
         integration_time_s=seconds if seconds > 0 else float("nan"),
         spectrometer=attributes.get("IDDevice", ""),
         date=attributes.get("DateTime", ""),
-        processed_unit=units.absolute_or_none(_CODE.sub("", attributes.get("Unit2", ""))),
+        processed_unit=units.stated(_CODE.sub("", attributes.get("Unit2", ""))),
         label=attributes.get("IDDevice", ""),
     )
 

@@ -164,7 +164,7 @@ def _spectrum(
             filter(None, (header.get("instrument_manufacturer"), header.get("instrument_model")))
         ),
         date=date,
-        processed_unit=units.absolute_or_none(unit),
+        processed_unit=units.stated(unit),
         label=name,
         notes=notes,
     )
