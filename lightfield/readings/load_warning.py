@@ -164,8 +164,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.ON_AXIS_ONLY: "all readings are on the axis: the beam's shape and direction cannot be told",
     Remarks.X_ONE_SIDE: "x is on one side of the axis only: offset, tilt, width and asymmetry look alike",
     Remarks.CONSTANT_INTEGRATION_TIME: _exposure,
-    Remarks.NO_REPEATS: "no position is read twice: drift shows only through the model, repositioning errors "
-    "do not show",
+    Remarks.NO_REPEATS: "no position is visited twice: drift shows only through the model, repositioning "
+    "errors do not show",
     Remarks.NO_STDERR: "{unknown} of {readings} readings have no standard error: the noise has to be "
     "estimated from the misfit",
     Remarks.NO_ERROR_BUDGET: _no_budget,
@@ -189,8 +189,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.SINGLE_SPECTRA: _single,
     Remarks.RESTLESS: _restless,
     Remarks.UNDIVIDED: "exposures go from {shortest_s:g} to {longest_s:g} s, and no value is divided by them",
-    Remarks.COMMON_FLICKER: "the lamp flickers: all bands of a spectrum are off together by {percent:.2g} % "
-    "of a reading, as the column common_percent says to every analysis",
+    Remarks.COMMON_FLICKER: "the lamp flickers or drifts from repeat to repeat: all bands of a spectrum are "
+    "off together by {percent:.2g} % of a reading, as the column common_percent says to every analysis",
 }
 _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "shorten the exposure there",
@@ -202,7 +202,7 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.ON_AXIS_ONLY: "scan across the beam",
     Remarks.X_ONE_SIDE: "add readings on the other side",
     Remarks.CONSTANT_INTEGRATION_TIME: _vary_exposure,
-    Remarks.NO_REPEATS: "repeat a reference position three times or more",
+    Remarks.NO_REPEATS: "come back to a reference position three times or more",
     Remarks.NO_STDERR: "give stderr from repeated spectra",
     Remarks.NO_ERROR_BUDGET: "state them in the head of the file",
     Remarks.NO_TIME: "give time_s, seconds since the first reading",
@@ -224,5 +224,5 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SINGLE_SPECTRA: "take three spectra or more at each place",
     Remarks.RESTLESS: "look at their spectra, and leave the wild one out of the index",
     Remarks.UNDIVIDED: "if the files hold counts, say so: the unit is counts",
-    Remarks.COMMON_FLICKER: "a steadier supply or more repeats make it less",
+    Remarks.COMMON_FLICKER: "more repeats or a steadier supply make a flicker less, a longer warm-up a drift",
 }

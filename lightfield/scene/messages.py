@@ -46,6 +46,13 @@ def absent_error(path: str, part: str) -> SceneError:
 
 #: Of so many valid keys each is named.
 _LISTED = 40
+#: So alike are keys of which one may have been meant.
+_ALIKE = 0.6
+#: Words of the field that are no keys here, by how they begin: the key, and how it says the same.
+_SAID_AS = {
+    "tank.floor_albedo": ("tank.floor_over_walls", "the floor's albedo over that of the walls"),
+    "water.turbidity": ("water.scattering_per_m", "what is turbid scatters"),
+}
 
 
 def nearest_keys(path: str, valid: Iterable[str]) -> str:
@@ -59,9 +66,15 @@ def nearest_keys(path: str, valid: Iterable[str]) -> str:
         Valid dotted paths at that place.
     """
     choices = sorted(valid)
+    for word, (key, how) in _SAID_AS.items():
+        if path.startswith(word) and key in choices:
+            return f"did you mean {key} ({how})?"
     leaf = path.rpartition(".")[2]
-    near = [c for c in choices if c.rpartition(".")[2].startswith(f"{leaf}_")]
-    near = near or difflib.get_close_matches(path, choices, n=1, cutoff=0.6)
+    leaves = {c: c.rpartition(".")[2] for c in choices}
+    near = [c for c in choices if leaves[c].startswith(f"{leaf}_")]
+    # A part that both have in front does not make two keys alike.
+    alike = [c for c in choices if difflib.SequenceMatcher(None, leaves[c], leaf).ratio() >= _ALIKE]
+    near = near or difflib.get_close_matches(path, alike, n=1, cutoff=_ALIKE)
     if near:
         return f"did you mean {' or '.join(near[:3])}?"
     if len(choices) > _LISTED:  # of all the parameters of a scene, the parts

@@ -24,7 +24,8 @@ def read_columns(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
     Parameters
     ----------
     path : str
-        CSV file with a header line; lines that begin with # are comments.
+        CSV file with a header line: cells parted by commas, or by semicolons or tabulators, and then with
+        decimal points or commas. Lines that begin with # are comments.
     columns : sequence of str
         Column names, any order in the file; other columns are ignored.
 
@@ -71,9 +72,9 @@ def _rows(path: str) -> list[tuple[int, list[str]]]:
         raise SceneError(
             "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"
         ) from error
-    return [
-        (number, line.split(",")) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"
-    ]
+    told = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    separator = max(",;\t", key=told[0][1].count) if told else ","
+    return [(number, line.split(separator)) for number, line in told]
 
 
 def readable(reader: Callable[..., Any], *arguments: Any) -> None:
@@ -113,9 +114,12 @@ def _read(
     largest = [LARGEST_PER_M if name.endswith("_per_m") else LARGEST for name in columns]
     problems: list[str] = []
     values: list[list[float]] = []
+    numbers = [cells[place] for _, cells in rows[1:] for place in places if place < len(cells)]
+    if any("." in cell for cell in numbers) and any("," in cell for cell in numbers):
+        problems.append("decimal points and decimal commas")
     for number, cells in rows[1:]:
         try:
-            row = [float(cells[place]) for place in places]
+            row = [float(cells[place].replace(",", ".")) for place in places]
         except (ValueError, IndexError):
             problems.append(f"line {number}: not numbers: {','.join(cells)}")
             continue

@@ -114,7 +114,7 @@ def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any
             place=head[row][0],
             found=head[row][1],
             rule='lines like `# scale = "relative"`',
-            remedy="begin free comments with ##",
+            remedy=_head_remedy(head[row][1]),
         )
         found = _lines_that_read(head)
     places = {m[1]: line for line, content in reversed(head) if (m := re.match(r"\s*(\w+)\s*=", content))}
@@ -134,6 +134,13 @@ def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any
         elif name in TERMS:
             found[name] = float(value)
     return found
+
+
+def _head_remedy(line: str) -> str:
+    """What to do about a line of the head that is not TOML."""
+    if bare := re.fullmatch(r"\s*(\w+)\s*=\s*([^\W\d][^\"'#]*?)\s*(#.*)?", line):
+        return f'put text in quotes: # {bare[1]} = "{bare[2]}"'
+    return "begin free comments with ##"
 
 
 def _lines_that_read(head: list[tuple[int, str]]) -> dict[str, Any]:

@@ -146,8 +146,11 @@ def all_around(plane_deg: Array, intensity: Array) -> tuple[Array, Array]:
     else:
         images = round(360.0 / span)
         if images % 2 or abs(images * span - 360.0) > SAME_DEG:
+            parts = [p for p in plane_deg.tolist() if p - first in (90.0, 180.0)]
+            without = f"; without those beyond {parts[-1]:g} deg they are one" if parts else ""
             raise ValueError(
                 f"half planes from {first:g} to {plane_deg[-1]:g} deg are no symmetric part of the turn"
+                + without
             )
     ways = plane_deg - first, plane_deg[-1] - plane_deg
     nodes = np.concatenate([first + k * span + ways[k % 2] for k in range(images)])

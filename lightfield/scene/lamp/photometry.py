@@ -153,7 +153,10 @@ def _load(path: str, _modified: int, _size: int) -> BeamTable:
 
 def _columns(path: str) -> tuple[Array, Array, Array]:
     """Angles in degrees, turns in degrees, and intensity, of a CSV file."""
-    if "phi_deg" not in column_names(path):
+    names = column_names(path)
+    if "phi_deg" not in names:
+        if "angle_deg" in names:
+            _refuse_two_sides(path)
         angle, intensity = read_columns(path, ("angle_deg", "intensity"))
         return angle, np.zeros(1), intensity[None]
     every, phi, value = read_rows(path, ("angle_deg", "phi_deg", "intensity"))
@@ -180,8 +183,19 @@ def _columns(path: str) -> tuple[Array, Array, Array]:
     raise SceneError(
         "not a table of a beam", where=path, found="; ".join(problems),
         rule="every angle_deg at every phi_deg, over 90, 180 or 360 deg of phi, intensities from 0",
-        remedy="complete the table",
+        remedy="complete the table, or leave out what is too much",
     )  # fmt: skip
+
+
+def _refuse_two_sides(path: str) -> None:
+    (angle,) = read_rows(path, ("angle_deg",))
+    if angle.min() < 0:
+        raise SceneError(
+            "a table of two sides of a beam", where=path,
+            found=f"angle_deg from {angle.min():g} to {angle.max():g}",
+            rule="angle_deg from 0, and phi_deg for the side",
+            remedy="give one side phi_deg 0, the other phi_deg 180, and write its angles without the minus",
+        )  # fmt: skip
 
 
 def _stated_errors(path: str, angle: Array) -> Array:

@@ -170,6 +170,11 @@ BAD = {
         "line 2",
         "begin free comments with ##",
     ),
+    "head without quotes": (
+        "# quantity = irradiance\nz_m,value\n1,2\n",
+        "line 1",
+        'put text in quotes: # quantity = "irradiance"',
+    ),
     "head key twice": ("# a = 1\n# a = 2\nz_m,value\n1,2\n", "line 2", "not TOML"),
     "quantity": ('# quantity = "light"\nz_m,value\n1,2\n', "", "unknown quantity"),
     "quantity is a number": ("# quantity = 1\nz_m,value\n1,2\n", "line 1", "not text"),

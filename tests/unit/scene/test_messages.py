@@ -15,6 +15,12 @@ from lightfield.scene.lamp.lamp import Lamp
 WRONG = {
     "unknown key": ("[lamp]\nhwhm_degrees = 3", ["lamp.hwhm_degrees", "unknown key", "found 3", "hwhm_deg"]),
     "missing unit": ("[lamp]\nhwhm = 3", ["lamp.hwhm", "did you mean lamp.hwhm_deg?"]),
+    "albedo of the floor": (
+        "[tank]\nfloor_albedo = 0.5",
+        ["tank.floor_albedo", "did you mean tank.floor_over_walls"],
+    ),
+    "turbidity": ("[water]\nturbidity_ntu = 2", ["did you mean water.scattering_per_m"]),
+    "nothing like it": ("[water]\nhue = 2", ["valid here are water."]),
     "unknown section": ("[lamps]\nx = 1", ["lamps", "unknown key", "lamp"]),
     "negative absorption": (
         "[water]\nabsorption_per_m = -1",
