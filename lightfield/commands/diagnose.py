@@ -59,7 +59,10 @@ def run(args: argparse.Namespace) -> int:
             "diagnose needs readings and a scene", remedy="lightfield diagnose DATA --scene SCENE"
         )
     if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
-        raise UsageError("impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5")
+        raise UsageError(
+            "impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5",
+            remedy="leave it out for 0.01",
+        )  # fmt: skip
     names = None if args.effects is None else effects_asked(args)
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.data, scene)

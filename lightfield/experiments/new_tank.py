@@ -167,7 +167,7 @@ def sizes_told(scene: Scene) -> str:
         return "open water, without walls or a surface"
     told = f"{tank.width_m:g} m wide, {tank.depth_m:g} m deep, {tank.length_m:g} m along the beam"
     if tank.length_m < max(tank.width_m, tank.depth_m):
-        told += "; that is across the tank: is it WxDxL?"
+        told += "; the beam goes across the tank: if it does not, begin anew with the length last, WxDxL"
     return told
 
 
@@ -182,6 +182,7 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
             where="tank",
             found=given["tank"],
             rule="WxDxL in m, such as 2x1x6, or none",
+            remedy="write three sizes",
         )
     _refuse_other_units(sizes, given["tank"])
     if given["surface"].lower() not in ("yes", "no"):
@@ -248,6 +249,7 @@ def water_lines(answer: str) -> list[str]:
         raise UsageError(
             "not a water", where="water", found=answer,
             rule=f"A,B in 1/m, pure, or one of {', '.join(list_presets())}",
+            remedy="give absorption and scattering, such as 0.1,0",
         )  # fmt: skip
     a, b = (typed_number(value, "water") for value in values)
     return [

@@ -38,7 +38,7 @@ QUESTIONS = (
     Question("lamp_depth", "Lamp below the surface, m", "a number; half the depth if not given", ""),
     Question(
         "walls", "Part of the light that walls and floor send back",
-        "0 to 0.9: black cloth 0.02, dark paint 0.1, white tiles 0.7", "0.1",
+        "0 to 1: black cloth 0.02, dark paint 0.1, white tiles 0.7", "0.1",
     ),
     Question("surface", "Is there a free water surface above", "yes or no", "yes"),
     Question(
@@ -77,5 +77,6 @@ def typed_numbers(text: str, where: str, separator: str | None, *, whole: bool =
             raise ValueError
     except ValueError:
         rule = next(q.form for q in QUESTIONS if q.name == where)
-        raise UsageError("not understood", where=where, found=text, rule=rule) from None
+        remedy = f"write numbers with {separator!r} between" if separator else "write a number"
+        raise UsageError("not understood", where=where, found=text, rule=rule, remedy=remedy) from None
     return found

@@ -103,7 +103,7 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
     for name in ("repeat", "visit"):
         number = getattr(readings, name)
         refuse((number < 0) | (np.mod(number, 1) > 0), name, "is not a count", "0, 1, 2, ...")
-    refuse(~np.isin(readings.medium, MEDIA), "medium", "is unknown", " or ".join(MEDIA))
+    refuse(~np.isin(readings.medium, MEDIA), "medium", "is unknown", " or ".join(MEDIA), "write one of them")
     refuse(
         ~np.isin(readings.role, ROLES),
         "role",

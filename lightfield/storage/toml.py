@@ -40,7 +40,23 @@ def loads(text: str) -> dict[str, Any]:
         Not TOML, or beyond the limits; the message ends with the line.
     """
     _check_limits(text)
-    return tomllib.loads(text)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        if at := _columns_at(text):
+            raise ValueError(
+                "these are columns of a table: were a scene and readings taken for each other? "
+                f"(at line {at})"
+            ) from None
+        raise
+
+
+def _columns_at(text: str) -> int | None:
+    """Line of the names of columns that a table begins with; None of what is no table."""
+    told = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line[0] != "#"]
+    (at, first), *rows = told or [(0, "")]
+    parted = [mark for mark in ",;\t" if mark in first and rows and all(mark in row for _, row in rows)]
+    return at if parted and not re.search(r"[=\[\]]", first) else None
 
 
 def value(text: str) -> Any:

@@ -80,7 +80,10 @@ def parse_axis(text: str, where: str = "range") -> Axis:
         if len(parts) > 4:
             raise ValueError
     except (ValueError, IndexError):
-        raise UsageError("not a range", where=f"{where} {path}", found=given, rule=FORMS) from None
+        remedy = f"say how many values, as in {parts[0]}:{parts[1]}:11"
+        raise UsageError(
+            "not a range", where=f"{where} {path}", found=given, rule=FORMS, remedy=remedy
+        ) from None
     return axis_of(path, {path: span(start, stop, count, scale, f"{where} {path}")}, f"{where} {path}")
 
 
@@ -254,7 +257,9 @@ def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
             most = 1.0 if path == ALBEDO else math.inf
             allowed, rule = isinstance(value, int | float) and 0 <= value <= most, f"0 to {most:g}"
         if not allowed:
-            raise SceneError("impossible value", where=path, found=value, rule=rule)
+            raise SceneError(
+                "impossible value", where=path, found=value, rule=rule, remedy="vary it in that range"
+            )
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:

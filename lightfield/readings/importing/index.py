@@ -89,11 +89,20 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
         row = {name: cells[c].strip() for name, c in place.items()}
         before = len(problems.found)
         values = {name: _number(name, row.get(name, ""), sheet.mark, line, problems) for name in NUMBERS}
-        role, medium = row.get("role", "") or "signal", row.get("medium", "") or "water"
+        role, medium = row.get("role", "").lower() or "signal", row.get("medium", "").lower() or "water"
         if role not in ROLES:
-            problems.add("unknown role", place=line, found=role, rule=", ".join(ROLES))
+            problems.add(
+                "unknown role", place=line, found=role, rule=", ".join(ROLES),
+                remedy="write signal for the light of the lamp, dark where it was covered",
+            )  # fmt: skip
         if medium not in MEDIA:
-            problems.add("unknown medium", place=line, found=medium, rule=" or ".join(MEDIA))
+            problems.add(
+                "unknown medium",
+                place=line,
+                found=medium,
+                rule=" or ".join(MEDIA),
+                remedy="write one of them",
+            )
         if not row["file"]:
             problems.add("no file is named", place=line, remedy="name the spectrum's file")
         elif (same := (normpath(row["file"]), row.get("spectrum", ""))) in used:
@@ -102,6 +111,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
                 place=line,
                 found=row["file"],
                 rule="one line for each spectrum",
+                remedy="leave out one of the lines",
             )
         used.setdefault((normpath(row["file"]), row.get("spectrum", "")), line)
         if role not in ("dark", "ignore"):

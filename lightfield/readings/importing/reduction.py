@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.errors import RuleError
 from lightfield.readings import units
 from lightfield.readings.importing.index import Entry
 from lightfield.readings.instruments.spectrum import Spectrum
@@ -48,8 +49,9 @@ def band_mean(wavelength_nm: Array, values: Array, low_nm: float, high_nm: float
         The spectrum does not reach over the band, or has no number within it.
     """
     if not (wavelength_nm[0] <= low_nm < high_nm <= wavelength_nm[-1]):
-        raise ValueError(
-            f"the band {low_nm:g}-{high_nm:g} nm is not within {wavelength_nm[0]:g}-{wavelength_nm[-1]:g} nm"
+        raise RuleError(
+            f"the band {low_nm:g}-{high_nm:g} nm is not within {wavelength_nm[0]:g}-{wavelength_nm[-1]:g} nm",
+            "choose a band within",
         )
     within = (wavelength_nm > low_nm) & (wavelength_nm < high_nm)
     # The neighbours of the edges count too: they are interpolated.
@@ -168,11 +170,17 @@ def choose_darks(shot: Shot, darks: Sequence[Shot], need_exposure: bool, lit_s: 
         if len(d.spectrum) == len(grid) and np.abs(d.spectrum.wavelength_nm - grid).max() <= 0.02
     ]
     if not pixels:
-        raise ValueError("no dark spectrum has its wavelengths")
+        raise RuleError(
+            f"no dark spectrum has its wavelengths, {len(grid)} from {grid[0]:g} to {grid[-1]:g} nm",
+            "add a dark of the same pixels; where lines of the file are lost, export it again",
+        )
     matching = [d for d in pixels if _same_exposure(d.exposure_s, shot.exposure_s, need_exposure)]
     if not matching:
         found = ", ".join(sorted({f"{d.exposure_s:g} s" for d in pixels}))
-        raise ValueError(f"no dark spectrum has its exposure of {shot.exposure_s:g} s, only {found}")
+        raise RuleError(
+            f"no dark spectrum has its exposure of {shot.exposure_s:g} s, only {found}",
+            "add a dark of this exposure, or correct integration_time_s in the index",
+        )
     away = np.array([abs(d.time_s - shot.time_s) for d in matching])
     if np.isnan(away).any():
         return matching

@@ -63,6 +63,8 @@ def read_table(
     content = text.read_text(where, READINGS)
     _refuse_too_long(content, where)
     sheet = read_sheet(content, problems, COLUMNS, required, NUMBER_COLUMNS)
+    if "value" in required:
+        _refuse_other_files(sheet, problems)
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
     columns, extra, lines = _read_columns(sheet, problems)
@@ -94,6 +96,26 @@ def _refuse_too_long(content: text.Text, where: str) -> None:
             "too many readings", where=where, found=f"{rows} rows", rule=f"at most {MOST_ROWS}",
             remedy="is this the right file? if so, average what was read at one place, or split it",
         )  # fmt: skip
+
+
+def _refuse_other_files(sheet: Sheet, problems: Problems) -> None:
+    """An index of instrument files, or one of these files, is no table with a few faults."""
+    remedy = (
+        "make a reading table of it: `lightfield import`, from an index that names the instrument's files"
+    )
+    if "file" in sheet.names and "value" not in sheet.names:
+        problems.found.clear()
+        problems.add("an index of instrument files", place=sheet.name_line, remedy=remedy)
+        problems.raise_any()
+    alike = any(look_alike(name, sheet.names) for name in COLUMNS)
+    if sheet.names and not alike:
+        problems.found.clear()
+        problems.add(
+            "none of the columns is one of a reading table", place=sheet.name_line,
+            found=", ".join(sheet.names), rule=f"required: {', '.join(REQUIRED)}",
+            remedy=f"name them; a spectrum as an instrument wrote it is none: {remedy}",
+        )  # fmt: skip
+        problems.raise_any()
 
 
 def _in_every_band(places: Readings, scene: Scene) -> Readings:
@@ -203,7 +225,7 @@ def _read_columns(sheet: Sheet, problems: Problems) -> tuple[dict[str, Any], dic
 
 def _value(name: str, cell: str, mark: str, told: bool) -> Any:
     if name in TEXT_COLUMNS:
-        return cell or DEFAULTS[name]
+        return cell.lower() or DEFAULTS[name]
     if cell == "":
         if name in REQUIRED or told:
             raise ValueError("is missing")

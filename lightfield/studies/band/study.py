@@ -195,6 +195,7 @@ def best_band(
             "impossible bands", where="width and range of the bands",
             found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
             rule=f"at least {STEP_NM:g} nm wide, and no wider than the range they lie in",
+            remedy="change the width, or the range",
         )  # fmt: skip
     first, last = min(low_nm, PAPER_BAND[0]), max(high_nm, PAPER_BAND[1])
     # At whole steps, where tables of water have their rows.

@@ -324,5 +324,11 @@ def _check(**numbers: tuple[float, float, float]) -> None:
     for name, (value, low, high) in numbers.items():
         if not low < value < high:
             raise UsageError(
-                "impossible number", where=name, found=value, rule=f"above {low:g}, below {high:g}"
+                "impossible number",
+                where=name,
+                found=value,
+                rule=f"above {low:g}, below {high:g}",
+                remedy="a number in that range; a percentage over 100"
+                if high == 1
+                else "a number in that range",
             )

@@ -32,7 +32,10 @@ def test_options_make_a_tank_and_what_was_assumed_is_said(tmp_path, monkeypatch,
 def test_sizes_in_another_order_are_seen_at_once(tmp_path, capsys):
     """Length x width x depth makes a tank too, and a useless one: it is told, not refused."""
     assert main(["new", "tank", "--tank", "3x1.2x0.8", "-o", str(tmp_path / "pool")]) == 0
-    assert "0.8 m along the beam; that is across the tank: is it WxDxL?" in capsys.readouterr().out
+    assert (
+        "0.8 m along the beam; the beam goes across the tank: if it does not, begin anew"
+        in capsys.readouterr().out
+    )
 
 
 def test_work_that_takes_long_says_so(tmp_path, monkeypatch, capsys):

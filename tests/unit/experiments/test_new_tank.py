@@ -58,6 +58,8 @@ def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("answers", "said"),
     [
+        ({"tank": "12,5,2.2"}, "write numbers with 'x' between"),
+        ({"water": "0.1"}, "such as 0.1,0"),
         ({"tank": "2000x1000x6000"}, "2x1x6 if these are millimetres or 20x10x60 if these are centimetres"),
         ({"tank": "none", "planes": "1000,2000"}, "millimetres over 1000"),
     ],

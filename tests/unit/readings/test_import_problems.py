@@ -98,7 +98,22 @@ def test_a_column_that_only_looks_known_is_not_passed_over(campaign, name, known
 
 def test_one_file_under_two_spellings_is_one_file(campaign):
     found = problems(campaign, ["a.txt,4.5,0,0,signal", "./a.txt,5.5,0,60,signal"])
-    assert any("the same file as line 2" in text for text in found), found
+    assert any("the same file as line 2" in text and "leave out one" in text for text in found), found
+
+
+@pytest.mark.parametrize(
+    ("rows", "options", "remedy"),
+    [
+        (["a.txt,4.5,0,0,light"], {}, "write signal for the light of the lamp"),
+        (ROWS[:2] + ROWS[2:3], {}, "add a dark of this exposure"),
+        (["a.txt,4.5,0,0,Signal", "short.txt,,,10,DARK"], {}, "add a dark of the same pixels"),
+        (ROWS, {"bands_nm": [(590, 640)]}, "choose a band within"),
+    ],
+)
+def test_what_is_wrong_comes_with_its_remedy(campaign, rows, options, remedy):
+    lines = (campaign / "dark_a.txt").read_text().replace("in Spectrum: 400", "in Spectrum: 399").splitlines()
+    (campaign / "short.txt").write_text("\n".join(lines[:-1]) + "\n")
+    assert remedy in problems(campaign, rows, **options)[0]
 
 
 def test_a_band_beyond_the_spectrum(campaign):

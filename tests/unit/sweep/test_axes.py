@@ -55,7 +55,7 @@ def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> N
     [
         ([], "nothing is varied"),
         (["water.scatering_per_m=0,1"], "no such parameter.*scattering_per_m"),
-        (["water.scattering_per_m=0,-1"], "impossible value.*0 to 100"),
+        (["water.scattering_per_m=0,-1"], "impossible value.*0 to 100.*remedy: vary it in that range"),
         (["detector.width_m=0:1:3"], "impossible value; found 0.0; rule: above 0 to 10000"),
         (["tank.wall_albedo=0,1.5"], "impossible value.*0 to 1"),
         (["water.scattering_per_m=0,1", "water.scattering_per_m=2,3"], "varied twice"),
