@@ -6,6 +6,7 @@ import pytest
 
 from lightfield.errors import MeasurementError
 from lightfield.readings import read_table
+from lightfield.readings.importing.importer import import_index
 
 
 @pytest.mark.parametrize(
@@ -23,3 +24,8 @@ def test_words_may_have_capitals(tmp_path):
     (tmp_path / "a.csv").write_text("z_m,value,medium,role\n1,2,Water,Signal\n1,3,AIR,signal\n")
     found = read_table(tmp_path / "a.csv")
     assert found.medium.tolist() == ["water", "air"] and found.role.tolist() == ["signal"] * 2
+    (tmp_path / "b.csv").write_text("z_m,Ed,medium\n1,2,Air\n2,3,Water\n")
+    columns = {"z_m": "z_m", "value": "Ed", "medium": "medium"}
+    asked = {"quantity": "irradiance", "units": "relative", "bands_nm": [(500.0, 550.0)]}
+    again = import_index(tmp_path / "b.csv", **asked, columns=columns)
+    assert again.medium.tolist() == ["air", "water"]
