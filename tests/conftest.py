@@ -15,6 +15,10 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # On many small matrices more BLAS threads only get in each other's way. Set before NumPy is loaded.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+# Of several that share the cores, each process of the renderer gets its part of them.
+_WORKERS = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+if _WORKERS > 1:
+    os.environ.setdefault("LIGHTFIELD_THREADS", str(max((os.cpu_count() or 1) // _WORKERS, 1)))
 # Tests neither trust nor fill the user's cache. Set before any import, inherited by child processes: those
 # that share the suite have one folder, so that no kernel is compiled and no light traced twice.
 if "PYTEST_XDIST_WORKER" not in os.environ:
