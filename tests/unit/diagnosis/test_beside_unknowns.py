@@ -17,7 +17,8 @@ from lightfield.readings import Readings
 BACKGROUND, OFFSET_M = 0.01, 0.04
 #: A pole takes a third of the light at x = 0.15 m.
 DEPTH, PLACE_M, WIDTH_M = 0.33, 0.15, 0.08
-#: With some that would imitate it, for the time's sake not all.
+#: With some that would imitate it, for the time's sake not all; more of them in the slow tier.
+FEW = ["background", "beam_offset", "beam_tilt", "lamp_drift"]
 ASKED = [
     "background", "beam_offset", "beam_tilt", "beam_shape", "beam_skirt", "saturation", "lamp_drift",
     "acceptance", "beam_profile",
@@ -34,28 +35,29 @@ def slab(table: Readings) -> np.ndarray:
     return np.asarray(1 - DEPTH * 0.5 * (special.erf((off + 0.08) / 0.03) - special.erf((off - 0.08) / 0.03)))
 
 
-def shaded(by: Callable[[Readings], np.ndarray]) -> Diagnosis:
+def shaded(by: Callable[[Readings], np.ndarray], only: list[str]) -> Diagnosis:
     hidden = {"detector.background": BACKGROUND, "lamp.offset_x_m": OFFSET_M}
     table, believed = readings(hidden, factor=by, seed=4, layout="fine")
-    return diagnose(table, believed, diffuse=None, only=ASKED)
+    return diagnose(table, believed, diffuse=None, only=only)
 
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
-    return shaded(pole)
+    return shaded(pole, FEW)
 
 
-@pytest.mark.parametrize("by", [pole, pytest.param(slab, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("by", [None, *(pytest.param(by, marks=pytest.mark.slow) for by in (pole, slab))])
 def test_they_are_certain_as_far_as_the_rest_allows(
-    by: Callable[[Readings], np.ndarray], found: Diagnosis
+    by: Callable[[Readings], np.ndarray] | None, found: Diagnosis
 ) -> None:
-    verdict = found.verdict if by is pole else shaded(by).verdict
-    assert verdict.verdict == "unexplained"
+    verdict = shaded(by, ASKED).verdict if by else found.verdict
+    assert (verdict.verdict, verdict.effects) == ("unexplained", [])
+    assert verdict.certain == verdict.simplest == []
     assert sorted(verdict.best_set) == sorted(verdict.partial) == ["background", "beam_offset"]
     sizes = {path: e for one in verdict.found for path, e in one.parameters.items()}
     for path, true in (("lamp.offset_x_m", OFFSET_M), ("detector.background", BACKGROUND)):
         assert abs(sizes[path].value - true) < 4 * sizes[path].stderr, path
-    assert "Certain so far: " in verdict.sentence
+    assert "Certain so far: " in verdict.sentence and "remove" in verdict.sentence
 
 
 def test_the_rest_is_told_by_its_place_and_size(found: Diagnosis) -> None:
@@ -65,19 +67,16 @@ def test_the_rest_is_told_by_its_place_and_size(found: Diagnosis) -> None:
     for name, true in (("depth", DEPTH), ("x0", PLACE_M), ("width", WIDTH_M)):
         assert abs(best.parameters[name].value - true) < 4 * best.parameters[name].stderr, name
     assert verdict.misfit is not None and verdict.misfit.like == "dip_in_x"
-    assert abs(verdict.misfit.worst_at - PLACE_M) < WIDTH_M
+    assert verdict.misfit.coordinate == "x" and verdict.next_measurement is not None
+    assert abs(verdict.misfit.worst_at - PLACE_M) < WIDTH_M, "of the shadow, not of the lamp's place"
     assert "dip_in_x" not in verdict.detection_limits and "dip_in_x" not in verdict.hindrances
 
 
 def test_the_ladder_falls_to_the_noise(found: Diagnosis) -> None:
     ladder = found.verdict.ladder
     assert {rung.label for rung in ladder[1:]} == {"+ background", "+ beam_offset", "+ dip_in_x"}
-    table = found.readings
-    off = (table.value - found.prediction) / table.stderr
-    by_hand = float(off @ off) / (len(off) - len(found.steps[-1].fit.u))
-    # Widened errors are told in stated ones by their mean factor, which differs from reading to reading.
-    assert ladder[-1].chi2_per_dof == pytest.approx(by_hand, rel=0.02)
-    assert by_hand == pytest.approx(1, abs=3 * np.sqrt(2 / len(off)))
+    # The errors that are stated are those of the noise that was put in.
+    assert ladder[-1].chi2_per_dof == pytest.approx(1, abs=3 * np.sqrt(2 / len(found.readings)))
     assert sum(rung.removed_percent or 0 for rung in ladder) == pytest.approx(100, abs=1)
 
 
@@ -124,7 +123,7 @@ def test_a_lamp_that_swings_in_time_is_no_noise() -> None:
         return np.asarray(1 + SWING * np.sin(2 * np.pi * table.time_s / PERIOD_S))
 
     table, believed = readings({"detector.background": BACKGROUND}, factor=swing, seed=4)
-    verdict = diagnose(table, believed, diffuse=None, only=ASKED, advise=False).verdict
+    verdict = diagnose(table, believed, diffuse=None, only=FEW, advise=False).verdict
     assert (verdict.verdict, verdict.best_set, verdict.partial) == ("unexplained", *[["background"]] * 2)
     best = verdict.left_over[0]
     for name, true in (("a", 0.0), ("b", SWING), ("period", PERIOD_S)):

@@ -23,7 +23,7 @@ from lightfield.diagnosis.search.preparation import Prepared, bench
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.diagnosis.verdict.compose import Found, kind_of, verdict_of
 from lightfield.diagnosis.verdict.estimates import estimates
-from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
+from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, removed, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, LeftOver, Reason
 from lightfield.diagnosis.verdict.rest import left_over
 from lightfield.diagnosis.verdict.terminal import as_text
@@ -99,6 +99,18 @@ def case() -> Case:
 
 def read_back(verdict: Verdict) -> None:
     assert Verdict.model_validate(json.loads(verdict.model_dump_json())) == verdict
+
+
+@pytest.mark.parametrize(("last", "parts"), [(300.0, [None, 40.0, 40.0]), (100.0, [None, 40.0, 60.0])])
+def test_what_nothing_explains_is_not_removed(last: float, parts: list[float | None]) -> None:
+    """Of chi-square 1100 of 102 readings and two numbers 100 are noise; of the rest 300 leave a fifth."""
+
+    def fit(chi2: float, numbers: int) -> SimpleNamespace:
+        fitted = SimpleNamespace(chi2=chi2, residual=np.zeros(102), u=np.zeros(numbers))
+        return SimpleNamespace(fit=fitted)
+
+    found = removed([fit(1100.0, 0), fit(700.0, 1), fit(last, 2)], 1.0)
+    assert found == pytest.approx(parts)
 
 
 def test_nothing_is_missing(case: Case) -> None:

@@ -212,10 +212,14 @@ def test_plan_predicts_what_cannot_be_told_apart() -> None:
 
 def test_same_seed_same_verdict() -> None:
     table, scene = readings(HIDDEN, seed=12)
-    one, two = (diagnose(table, scene, diffuse=None, advise=False, seed=5).verdict for _ in range(2))
+    few = ["beam_tilt", "background", "beam_offset"]
+    one, two = (
+        diagnose(table, scene, diffuse=None, only=few, advise=False, seed=5).verdict for _ in range(2)
+    )
     assert one == two
 
 
+@pytest.mark.slow
 def test_what_nothing_explains_is_not_removed() -> None:
     """Beside two shadows a drift and a tilt remove their parts of the misfit: what is left is no noise."""
 
