@@ -10,6 +10,7 @@ experiment, and their paths as the last lines.
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
@@ -17,6 +18,7 @@ import pytest
 
 from lightfield.cli import main
 from lightfield.commands import demo
+from lightfield.commands.shared.line import prepared
 
 SCENES = Path(__file__).resolve().parents[2] / "scenes"
 SHORTER = dict.fromkeys(("render", "compare"), " --max-photons 1e5")
@@ -24,7 +26,12 @@ SHORTER |= {"diagnose": " --no-trace --effects background", "follow": " --no-tra
 SHORTER |= dict.fromkeys(("attenuation", "range"), " --no-trace")
 
 
-def test_demo_ends_by_naming_its_reports(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    "names",
+    [("leader_follower",), pytest.param(tuple(demo.EXPERIMENTS), marks=pytest.mark.slow)],
+    ids=["one", "all"],
+)
+def test_demo_ends_by_naming_its_reports(names, tmp_path, monkeypatch, capsys):
     def shorter(line: str) -> str:
         fits = line.startswith("compare") and "data.csv" in line
         return line if fits else line + SHORTER[line.split()[0]]
@@ -35,7 +42,11 @@ def test_demo_ends_by_naming_its_reports(tmp_path, monkeypatch, capsys):
     whole = tank.read_text(encoding="utf-8")
     assert "pixels = 65" in whole
     tank.write_text(whole.replace("pixels = 65", "pixels = 33"), encoding="utf-8")
-    short = {name: tuple(shorter(line) for line in lines) for name, lines in demo.EXPERIMENTS.items()}
+    short = {
+        name: tuple(shorter(line) for line in lines)
+        for name, lines in demo.EXPERIMENTS.items()
+        if name in names
+    }
     monkeypatch.setattr(demo, "EXPERIMENTS", short)
     monkeypatch.setattr("lightfield.report.page.to_svg", lambda drawing, name: f"<svg>{name}</svg>")
     monkeypatch.setattr("lightfield.report.compare.page.save_png", lambda drawing, path: path)
@@ -47,7 +58,16 @@ def test_demo_ends_by_naming_its_reports(tmp_path, monkeypatch, capsys):
         page = report.read_text(encoding="utf-8")
         assert "<svg>" in page and "</html>" in page
         assert "<script src" not in page and "http-equiv" not in page
-    assert "$ lightfield diagnose" in printed
+    lines = [line for lines in short.values() for line in lines]
+    assert re.findall(r"^\$ lightfield (\w+)", printed, re.MULTILINE) == [line.split()[0] for line in lines]
+
+
+def test_every_line_of_the_demo_is_understood():
+    """The other experiments run in the slow tier: here their options are read."""
+    for name, lines in demo.EXPERIMENTS.items():
+        for line in lines:
+            words = line.format(scene=SCENES / name, out="out").split()
+            assert callable(prepared(words)), line
 
 
 def test_the_storys_page_does_not_give_the_answer_away():

@@ -1,9 +1,8 @@
 """What README and manual say works: commands run as written, files load, the Python example finds the effect.
 
-Traces are cut short, by a photon budget or left out where a trace is not the point; the diagnosis asks for
-one effect, since the Python example asks for all; maps of the tow tank have a quarter of their cells; figures
-of pages are drawn as wide screens show them, since the tests of each page draw those for telephones; all else
-is as written.
+Traces are cut short, by a photon budget or left out where a trace is not the point; diagnoses ask for few
+effects; maps of the tow tank have a quarter of their cells; figures of pages are drawn as wide screens show
+them, since the tests of each page draw those for telephones; all else is as written.
 """
 
 from __future__ import annotations
@@ -11,12 +10,15 @@ from __future__ import annotations
 import re
 import shlex
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+import lightfield
 from lightfield import cli
 from lightfield.commands.shared.line import COMMANDS as SUB_COMMANDS
+from lightfield.commands.shared.line import prepared
 from lightfield.readings import read_table
 from lightfield.report.page import to_svg
 from lightfield.scene import Scene
@@ -80,7 +82,20 @@ def wide_alone(monkeypatch):
     monkeypatch.setattr("lightfield.report.page.to_svg", drawn)
 
 
+#: Commands that write nothing for later ones, and run in other quick tests: here in the slow tier.
+ALSO_ELSEWHERE = ("compare", "link", "band", "picture", "regime", "follow")
+
+
 @pytest.mark.parametrize("line", COMMANDS)
+def test_every_command_is_understood(line):
+    """Its options are read; nothing is done."""
+    assert callable(prepared(shlex.split(line, comments=True)[1:]))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [pytest.param(line, marks=[pytest.mark.slow] * (line.split()[1] in ALSO_ELSEWHERE)) for line in COMMANDS],
+)
 def test_every_command_runs_as_written(clone, monkeypatch, capsys, request, line):
     """In the order of the pages: later ones use what earlier ones wrote."""
     program, *words = shlex.split(line, comments=True)
@@ -100,6 +115,10 @@ def test_every_command_runs_as_written(clone, monkeypatch, capsys, request, line
 
 @pytest.mark.usefixtures("wide_alone")
 def test_the_python_example_runs_and_finds_the_effect(clone, monkeypatch, capsys):
+    """Cut short as the commands: `physics/found/test_verdicts.py` asks the whole table of these readings, and
+    the command `diagnose` above renders the explained scene afresh."""
+    few = ["scattering", "beam_tilt", "background"]
+    monkeypatch.setattr(lightfield, "diagnose", partial(lightfield.diagnose, effects=few, render=False))
     (example,) = blocks("python")
     assert len([line for line in example.splitlines() if line]) == 5
     monkeypatch.chdir(clone)

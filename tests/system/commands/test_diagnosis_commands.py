@@ -45,6 +45,7 @@ def folder(tmp_path_factory) -> Path:
     hide = f"hide {made}/scene.toml --effect beam_tilt --size lamp.tilt_x_deg=0.4 --seed 3 -o {made}/set"
     assert cli.main(hide.split()) == 0
     run = f"diagnose {made}/set/data.csv --scene {made}/scene.toml --no-trace -o {made}/found"
+    run += " --effects beam_tilt,beam_offset,background"
     assert cli.main([*run.split(), "--json", f"{made}/v.json", "--report", f"{made}/v.html"]) == 0
     return made
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import lightfield
+from command_line import in_process, lightfield
 
 from lightfield.readings import read_table
 
@@ -68,16 +68,16 @@ WRONG = {
 def test_wrong_requests_end_with_code_2_an_explanation_and_no_file(index, case):
     options, word = WRONG[case]
     out = index.parent / "readings.csv"
-    done = lightfield("import", index, *options, "-o", out)
+    done = in_process("import", index, *options, "-o", out)
     assert done.returncode == 2 and word in done.stderr and "Traceback" not in done.stderr
     assert not out.exists() and not done.stdout
 
 
 def test_missing_index_and_missing_output(index):
     asked = ["--quantity", "irradiance", "--units", "counts", "--band", "500:550"]
-    done = lightfield("import", index.parent / "none.csv", *asked, "-o", index.parent / "r.csv")
+    done = in_process("import", index.parent / "none.csv", *asked, "-o", index.parent / "r.csv")
     assert done.returncode == 2 and "none.csv: cannot read the index" in done.stderr
-    done = lightfield("import", index, *asked)
+    done = in_process("import", index, *asked)
     assert done.returncode == 2 and "-o READINGS.csv" in done.stderr
-    done = lightfield("import", index, *asked, "-o", index / "r.csv")
+    done = in_process("import", index, *asked, "-o", index / "r.csv")
     assert done.returncode == 2 and "cannot write here" in done.stderr

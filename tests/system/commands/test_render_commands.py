@@ -42,6 +42,13 @@ def scene(tmp_path):
     return write
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Figures of a comparison are made, and not drawn: `unit/report` draws them."""
+    monkeypatch.setattr("lightfield.report.page.to_svg", lambda drawing, name: f"<svg>{name}</svg>")
+    monkeypatch.setattr("lightfield.report.compare.page.save_png", lambda drawing, path: path)
+
+
 def test_render_writes_netcdf_exr_and_figure(scene, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["render", scene(0.05), "-o", str(out), *FAST]) == 0
@@ -158,6 +165,7 @@ def test_wavelengths_of_the_command_line(scene, tmp_path):
     assert [p.name for p in out.iterdir()] == ["maps.nc"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_formula_and_render_agree_where_they_must(scene, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["compare", scene(), "-o", str(out), *FAST]) == 0
@@ -169,6 +177,7 @@ def test_formula_and_render_agree_where_they_must(scene, tmp_path, capsys):
     assert (out / "index.html").is_file()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_compare_finds_the_scattered_light_and_takes_maps_too(scene, tmp_path):
     out = tmp_path / "out"
     assert main(["render", scene(0.1), "-o", str(out), *FAST]) == 0

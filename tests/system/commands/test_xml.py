@@ -29,7 +29,11 @@ pixels = 3
 
 
 @pytest.mark.parametrize(
-    "phase", ['{ type = "henyey-greenstein", g = 0.9 }', '{ type = "petzold", water = "coastal" }']
+    "phase",
+    [
+        '{ type = "petzold", water = "coastal" }',
+        pytest.param('{ type = "henyey-greenstein", g = 0.9 }', marks=pytest.mark.slow),
+    ],
 )
 def test_mitsuba_renders_the_written_scene_like_lightfield(tmp_path, phase):
     """Both are Monte Carlo estimates with stated errors: their differences add up to chi-square."""

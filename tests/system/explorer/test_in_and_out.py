@@ -121,6 +121,7 @@ def test_a_diagnosis_runs_beside_the_page_and_its_explanation_is_accepted(page) 
     assert "<svg" in Path(download.value.path()).read_text()
 
 
+@pytest.mark.slow  # what is in it: `unit/explorer/test_session.py`
 @needs_browser
 def test_a_report_is_had_before_any_diagnosis(page) -> None:
     rest(page)

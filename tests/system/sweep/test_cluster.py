@@ -22,6 +22,9 @@ from sweeping import SCENE, differences, in_process, sweep
 
 from lightfield.sweep.cluster import connected
 
+#: Two traces, one for each worker.
+VARY = ("--vary", "lamp.hwhm_deg=3,4", "--vary", "water.scattering_per_m=0:0.3:4")
+
 
 @pytest.fixture(scope="module")
 def scheduler(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
@@ -72,8 +75,8 @@ def test_two_workers_of_a_scheduler_write_the_same_store(scheduler: str, tmp_pat
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE)
     here, there = tmp_path / "here.zarr", tmp_path / "there.zarr"
-    assert in_process(scene, here).returncode == 0
-    done = sweep(scene, there, "--scheduler", scheduler)
+    assert in_process(scene, here, vary=VARY).returncode == 0
+    done = sweep(scene, there, "--scheduler", scheduler, vary=VARY)
     assert done.returncode == 0, done.stderr
     assert differences(here, there) == []
     found = re.search(r"memory: (\d) process(?:es)?, at most ([\d.]+) MB each", done.stdout)

@@ -14,6 +14,10 @@ ROOT = Path(__file__).resolve().parents[3]
 TANK = '[water]\nabsorption_per_m = 0.1\n[tank]\nsurface = "none"\n'
 
 
+#: What is found wrong with each of them is in `unit/render`: here one that is read early, and one late.
+SLOW = pytest.mark.slow
+
+
 @pytest.fixture
 def made(tmp_path: Path) -> Path:
     (tmp_path / "scene.toml").write_text(TANK)
@@ -35,9 +39,11 @@ def program(folder: Path, *arguments: str, **settings) -> subprocess.CompletedPr
 @pytest.mark.parametrize(
     ("variable", "value", "words"),
     [
-        ("LIGHTFIELD_BACKEND", "metal", ["LIGHTFIELD_BACKEND", "auto, llvm, cuda"]),
         ("LIGHTFIELD_THREADS", "0", ["LIGHTFIELD_THREADS", "1 to 1024"]),
-        ("LIGHTFIELD_LIBLLVM", "/no/libLLVM.so", ["LIGHTFIELD_LIBLLVM", "does not exist"]),
+        pytest.param("LIGHTFIELD_BACKEND", "metal", ["LIGHTFIELD_BACKEND", "auto, llvm, cuda"], marks=SLOW),
+        pytest.param(
+            "LIGHTFIELD_LIBLLVM", "/no/libLLVM.so", ["LIGHTFIELD_LIBLLVM", "does not exist"], marks=SLOW
+        ),
         ("LIGHTFIELD_CACHE", "/proc/nowhere", ["LIGHTFIELD_CACHE", "cannot be used"]),
     ],
 )

@@ -114,8 +114,25 @@ def render(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert cli.main(["render", "scene.toml", "-o", "out", *BUDGET]) == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=lambda n: n.name)
-@pytest.mark.parametrize("stage", STAGES)
+#: Of every stage one way to be stopped; the others are in the slow tier.
+QUICK = {
+    ("trace", signal.SIGINT),
+    ("result", signal.SIGKILL),
+    ("cache", signal.SIGKILL),
+    ("image", signal.SIGINT),
+}
+
+
+@pytest.mark.parametrize(
+    ("stage", "number"),
+    [
+        pytest.param(
+            stage, n, id=f"{stage}-{n.name}", marks=[] if (stage, n) in QUICK else [pytest.mark.slow]
+        )
+        for stage in STAGES
+        for n in (signal.SIGINT, signal.SIGKILL)
+    ],
+)
 def test_nothing_half_written_is_left_and_the_next_run_works(place, monkeypatch, capsys, stage, number):
     code, message = interrupt(place, stage, number)
     if number == signal.SIGKILL:
