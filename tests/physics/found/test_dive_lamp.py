@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -22,6 +24,7 @@ OTHERS = (
 FOLDER = Path(__file__).parents[3] / "scenes" / "dive_lamp"
 
 
+@pytest.mark.slow
 def test_values_are_those_of_the_truth_within_their_errors() -> None:
     """The curve has fewer functions than the lamp has shape, and water that scatters hangs together with it:
     by the errors of the shortest curve that passes alone absorption was 3.6 of them off."""

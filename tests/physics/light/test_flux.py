@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -42,7 +43,9 @@ def field() -> TracedField:
     return traced_field(SCENE, REGION, photons=6e5, cache=False)
 
 
-@pytest.mark.parametrize("tilt_deg", [0.0, 40.0, -25.0])
+@pytest.mark.parametrize(
+    "tilt_deg", [40.0, *(pytest.param(at, marks=pytest.mark.slow) for at in (0.0, -25.0))]
+)
 def test_tilted_receivers_read_the_flux_vector(field: TracedField, tilt_deg: float) -> None:
     """Maps of a scene whose detector is tilted, traced with its own response, other seeds and cells."""
     tilted = SCENE.with_values({"detector.tilt_x_deg": tilt_deg})
@@ -77,20 +80,22 @@ IN_TANK = np.array([[0.2, 0.1, 4.5], [0.0, 0.0, 5.5]])
 
 @pytest.fixture(scope="module")
 def bright() -> TracedField:
-    return traced_field(Scene.from_dict(BRIGHT), Region(0.4, 4.2, 6.0), photons=1e7, cache=False)
+    return traced_field(Scene.from_dict(BRIGHT), Region(0.4, 4.2, 6.0), photons=4e6, cache=False)
 
 
+@cache
 def rendered(tilt_deg: float) -> tuple[np.ndarray, np.ndarray]:
     """Diffuse light in the bright tank on receivers turned towards +x, and its errors."""
     detector = {"positions_m": IN_TANK.tolist(), "bands_nm": [[520.0, 530.0]], "tilt_x_deg": tilt_deg}
     scene = Scene.from_dict({**BRIGHT, "detector": detector})
-    done = render_scene(scene, rel_error=1e-3, max_photons=1e7, seed=3, cache=False)
+    done = render_scene(scene, rel_error=1e-3, max_photons=4e6, seed=3, cache=False)
     value, error = (v[0].ravel() for v in done.relative_maps(np.array([525.0]), "diffuse"))
     return value, error
 
 
 @pytest.mark.parametrize(
-    ("tilt_deg", "guess"), [(0.0, 0.0), (40.0, 0.02), pytest.param(60.0, 0.04, marks=pytest.mark.slow)]
+    ("tilt_deg", "guess"),
+    [(0.0, 0.0), *(pytest.param(*wide, marks=pytest.mark.slow) for wide in ((40.0, 0.02), (60.0, 0.04)))],
 )
 def test_light_that_walls_send_back_is_read(bright: TracedField, tilt_deg: float, guess: float) -> None:
     """Exactly by receivers that face the lamp. `guess` is what the even hemisphere leaves open (measured: 1.2
@@ -176,6 +181,7 @@ def test_another_water_keeps_the_rate_of_its_test() -> None:
     keeps_its_rate(p_of)
 
 
+@pytest.mark.slow
 def test_dense_water_between_walls_in_clearer_water() -> None:
     """From b = 2.1 to 1.05 per m, far from the lamp, where much light was reflected and scattered five times
     or more: as a trace there, as stated. By the mean length of all cells it was half too bright."""

@@ -43,11 +43,11 @@ def test_fresnel_at_normal_incidence_and_beyond_the_critical_angle() -> None:
 @pytest.mark.parametrize(
     ("top", "albedo", "beam"),
     [
-        ("lid", 0.5, {}),
+        pytest.param("lid", 0.5, {}, marks=pytest.mark.slow),
         ("lid", 0.8, {"lamp.tilt_x_deg": 6.0, "lamp.ellipticity": 1.5}),
-        ("surface", 0.0, {"lamp.offset_y_m": 0.1}),
+        pytest.param("surface", 0.0, {"lamp.offset_y_m": 0.1}, marks=pytest.mark.slow),
         ("surface", 0.5, {}),
-        ("dim surface", 0.5, {}),
+        pytest.param("dim surface", 0.5, {}, marks=pytest.mark.slow),
         ("dim surface", 0.8, {"lamp.offset_y_m": 0.1}),
         ("lid", 0.4, {"lamp.apparent_distance_m": 1.0, "lamp.offset_x_m": -0.2}),
         ("lid", 0.6, {"detector.tilt_x_deg": 60.0}),
@@ -81,7 +81,9 @@ def test_traced_reflections_agree(top: str, albedo: float, beam: dict[str, float
     assert mean.mean() == pytest.approx(expected.mean(), rel=0.02)
 
 
-@pytest.mark.parametrize(("top", "behind_m"), [("lid", 15.0), ("surface", 0.0)])
+@pytest.mark.parametrize(
+    ("top", "behind_m"), [pytest.param("lid", 15.0, marks=pytest.mark.slow), ("surface", 0.0)]
+)
 def test_what_comes_back_from_the_ends_of_a_long_tank(top: str, behind_m: float) -> None:
     """A tow tank of white walls and clear water, whose light returns from far beyond the readings and from
     behind the lamp: as traced, within 1 % and the trace's error (without the ends 0.5 to 0.85 of it)."""
@@ -206,7 +208,10 @@ def test_a_white_tow_tank_of_clear_water(attenuation: float) -> None:
     assert found == pytest.approx(solved(light, scene, attenuation), rel=3e-3)
 
 
-@pytest.mark.parametrize(("albedo", "within"), [(0.3, 0.001), (0.5, 0.001), (0.7, 0.005)])
+@pytest.mark.parametrize(
+    ("albedo", "within"),
+    [(0.7, 0.005), *(pytest.param(at, 0.001, marks=pytest.mark.slow) for at in (0.3, 0.5))],
+)
 def test_light_is_smooth_in_the_attenuation(albedo: float, within: float) -> None:
     """No jump where the interpolation changes its nodes, and little off what the walls give at that very
     attenuation, by all reflections (solved, not summed)."""

@@ -40,6 +40,8 @@ CASES: dict[str, tuple[dict[str, Any], float]] = {
 }
 #: Not their own mirror image.
 ASIDE = ("tilted beside a wall", "a receiver that looks aside")
+#: Widths between those of the quick tests; all are mirrored in the slow tier.
+BETWEEN = ("2 degrees", "1 degree", "0.5 degrees")
 
 
 def by_both(scene: Scene, mirror_x: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -70,8 +72,10 @@ def by_both(scene: Scene, mirror_x: bool) -> tuple[np.ndarray, np.ndarray]:
     return lines, photons
 
 
-@pytest.mark.parametrize("mirror_x", [False, True])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("mirror_x", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in BETWEEN)) for name in CASES]
+)
 def test_lines_find_what_photons_find(name: str, mirror_x: bool) -> None:
     """The same in every lit cell, to what both state."""
     if mirror_x and name in ASIDE:

@@ -115,7 +115,7 @@ def test_phase_plugin(name: str, stock: bool) -> None:
 
 
 @pytest.mark.parametrize("stock", [False, True], ids=["own", "stock"])
-@pytest.mark.parametrize("g", [0.924, 0.75, 0.98])
+@pytest.mark.parametrize("g", [0.924, *(pytest.param(g, marks=pytest.mark.slow) for g in (0.75, 0.98))])
 def test_mean_cosine_after_n_scatterings(g: float, stock: bool) -> None:
     """Henyey-Greenstein: the mean cosine to the first direction is g^n after n scatterings."""
     phase = plugin({"type": "henyey-greenstein", "g": g}, stock)

@@ -249,9 +249,9 @@ class AbsorptionMoments:
 
 WATERS = [
     (0.114, 0.037, 0.924),
-    (0.179, 0.219, 0.924),
-    (0.366, 1.824, 0.924),
-    (0.1, 0.9, 0.75),
+    pytest.param(0.179, 0.219, 0.924, marks=pytest.mark.slow),
+    pytest.param(0.366, 1.824, 0.924, marks=pytest.mark.slow),
+    pytest.param(0.1, 0.9, 0.75, marks=pytest.mark.slow),
     (0.5, 0.5, 0.0),
 ]
 

@@ -75,7 +75,7 @@ def of_own_cells(plain: Rendering, shared: Rendering) -> list[np.ndarray]:
     return [batches.reshape(len(batches), -1)[:, own] for batches in maps]
 
 
-@pytest.mark.parametrize("parts", [{}, TANK], ids=["open", "tank"])
+@pytest.mark.parametrize("parts", [pytest.param({}, marks=pytest.mark.slow), TANK], ids=["open", "tank"])
 def test_shared_photons_give_the_same_maps(parts: dict[str, Any]) -> None:
     """Against an independent trace without sharing, over the cells that have errors of their own."""
     plain, shared = both_ways(scene(**parts), 2, 1.5e6)

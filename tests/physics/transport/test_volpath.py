@@ -164,9 +164,18 @@ def test_sum_of_all_orders() -> None:
         assert abs(mean - known) < np.hypot(0.02 * known, 3 * error)
 
 
-@pytest.mark.parametrize("name", PHASES)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "fournier-forand",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("henyey-greenstein", "petzold clear")),
+    ],
+)
 def test_single_scattering_in_open_water(name: str) -> None:
-    """On and off axis: sampled by the tracer, evaluated by `volpath`, strong forward peaks included."""
+    """On and off axis: sampled by the tracer, evaluated by `volpath`, strong forward peaks included.
+
+    That of Henyey and Greenstein is in the quick tests of the meter and of the tank.
+    """
     places = [0.0, 0.3, 0.6, 1.0]
     traced = traced_irradiance(lit_water(PHASES[name]), places, 2e6)
     stock = stock_scene(plugin(PHASES[name]), OPEN)
