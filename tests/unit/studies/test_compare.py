@@ -37,6 +37,7 @@ def dark(rendering, *planes):
     return dataset
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_plane_without_light_is_not_judged(make, formula):
     rendering = make(glow=0.02, noise=0.002)
     whole, comparison = (compare(d, formula) for d in (to_dataset(rendering), dark(rendering, 1)))

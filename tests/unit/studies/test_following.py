@@ -46,7 +46,7 @@ def run(scene: Scene = KNOWN, runs: int = 2, **values: object) -> Followed:
     return follow({scene.name: scene.with_values(told)}, runs=runs, seed=3, photons=0).cases[0]
 
 
-@pytest.mark.parametrize("believes", ["exact", "fitted", "clear"])
+@pytest.mark.parametrize("believes", ["exact", "fitted", pytest.param("clear", marks=pytest.mark.slow)])
 def test_a_follower_ends_where_its_wrong_light_puts_it(believes: str) -> None:
     """Truth is another c than is believed: the distance at which the belief, of `pose bias`, says 6.5 m."""
     truth = FormulaLight(KNOWN)
@@ -213,6 +213,7 @@ def test_a_leader_from_a_table(tmp_path: Path) -> None:
     assert 'leader_table = "way.csv"' in (tmp_path / "saved.toml").read_text()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_walls_stop_the_leader_and_are_told_of_the_follower() -> None:
     """A tank of 2 m, lanes of 1.2 m: the second turn is at -0.6 m ahead, behind the lamp's wall at -0.5 m."""
     tank = {"width_m": 2.0, "depth_m": 1.0, "length_m": 9.0, "behind_lamp_m": 0.5}
@@ -265,6 +266,7 @@ def test_water_that_is_not_one_number_says_which_numbers_would_be(water, asked, 
     assert ("or believe" in error.remedy) == (where == "believes")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_page_and_its_data(tmp_path: Path) -> None:
     scene = KNOWN.with_values({"follower.mission.duration_s": 2.0, "follower.mission.dark_from_s": 1.0})
     scene = scene.with_values({"follower.mission.dark_for_s": 0.4})
@@ -279,6 +281,7 @@ def test_a_page_and_its_data(tmp_path: Path) -> None:
     assert single.runs == 1 and np.isnan(single.error)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_runs_over_parameters_continue_where_they_stopped(tmp_path: Path) -> None:
     """As every sweep: one chunk gone is one case done again, and the store is what it was."""
     scene = KNOWN.with_values({"follower.mission.duration_s": 1.0})

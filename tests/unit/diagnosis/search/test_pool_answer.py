@@ -42,7 +42,7 @@ def read(seed: int) -> Readings:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", [0, 7])
+@pytest.mark.parametrize("seed", [0, pytest.param(7, marks=pytest.mark.slow)])
 def test_a_lamp_with_rings_is_not_flat_because_that_passes(seed: int) -> None:
     """A flat top passes the test, alone or beside a turned receiver, where the noise is taken for too large;
     a curve costs less by 10 and by 46."""

@@ -38,7 +38,7 @@ def verdict_on(seed: int, wider: float = 0.0, brighter: float = 0.0, tail: float
     return diagnose(table, Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
 def test_a_lopsided_beam_is_named_with_its_size(seed: int) -> None:
     verdict = verdict_on(seed, wider=0.06)
     assert verdict.certain == verdict.best_set == ["beam_asymmetry"]

@@ -84,7 +84,9 @@ def test_a_plan_on_an_absolute_scale_is_that_on_a_relative_one_in_other_units() 
 
 
 def test_it_stands_beside_what_is_missing() -> None:
-    verdict = diagnose(*absolute(30.0, **{"lamp.tilt_x_deg": 0.25}), diffuse=None).verdict
+    few = ["lamp_power", "beam_tilt", "beam_offset", "background"]
+    table, scene = absolute(30.0, **{"lamp.tilt_x_deg": 0.25})
+    verdict = diagnose(table, scene, diffuse=None, only=few, advise=False).verdict
     assert (verdict.verdict, sorted(verdict.effects)) == ("identified", ["beam_tilt", "lamp_power"])
     assert [rung.label for rung in verdict.ladder] == ["base", "+ lamp_power", "+ beam_tilt"]
     assert "Beam tilt is missing" in verdict.sentence

@@ -54,7 +54,8 @@ def believing(values: dict[str, Any], hidden: dict[str, Any] | None = None, **gi
 
 @pytest.mark.usefixtures("undrawn")
 def test_scattering_that_is_not_in_the_readings_is_said_with_its_limit() -> None:
-    found = believing({"water.scattering_per_m": 0.15}, diffuse=haze)
+    few = ["scattering", "background", "beam_tilt", "beam_skirt"]
+    found = believing({"water.scattering_per_m": 0.15}, diffuse=haze, only=few)
     verdict, entry = found.verdict, stated(found, "scattering")
     assert (verdict.verdict, verdict.effects) == ("identified", ["scattering"])
     assert verdict.sentence.startswith(
@@ -73,7 +74,8 @@ def test_scattering_that_is_not_in_the_readings_is_said_with_its_limit() -> None
 
 
 def test_a_background_that_is_not_there_and_a_tilt_that_the_scene_lacks() -> None:
-    found = believing({"detector.background": 0.02}, {"lamp.tilt_x_deg": 0.25})
+    few = ["background", "beam_tilt", "beam_offset", "beam_skirt", "acceptance"]
+    found = believing({"detector.background": 0.02}, {"lamp.tilt_x_deg": 0.25}, only=few)
     assert (found.verdict.verdict, sorted(found.verdict.effects)) == (
         "identified",
         ["background", "beam_tilt"],
@@ -174,7 +176,7 @@ def test_the_limit_is_where_the_readings_are_worse_by_a_95_per_cent_quantile(
     path: str, effect: str, value: float, rise: float
 ) -> None:
     """Chi-square 2.71 above its least (bounded on one side), 3.84 (on two), as refits beside it have it."""
-    found = believing({path: value}, diffuse=haze)
+    found = believing({path: value}, diffuse=haze, only=[effect, "beam_tilt"])
     entry, finding, problem = stated(found, effect), found.finding, found.prepared.problem
     best = finding.accepted[0]
     assert entry.judgement == "absent" and entry.limit is not None and best.adequacy is not None
