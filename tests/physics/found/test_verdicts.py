@@ -211,7 +211,7 @@ def test_stored_rungs_give_their_error_again(found, tmp_path):
         pytest.param("chlorophyll", "chlorophyll", "water.chlorophyll_mg_per_m3", 0.8, None, marks=SLOW),
         pytest.param("much_sediment", "sediment", "water.sediment_g_per_m3", 2.0, None, marks=SLOW),
     ],
-    ids=str,
+    ids=lambda value: "few" if value is COLOURS else None,
 )
 def test_what_is_dissolved_or_floats_in_pure_water_is_named(file, name, path, truth, only):
     """Four bands, 450 to 650 nm, half width and grey absorption refitted: the spectrum tells them apart.

@@ -46,7 +46,9 @@ def found() -> Diagnosis:
     return shaded(pole, FEW)
 
 
-@pytest.mark.parametrize("by", [None, *(pytest.param(by, marks=pytest.mark.slow) for by in (pole, slab))])
+@pytest.mark.parametrize(
+    "by", [pytest.param(None, id="few"), *(pytest.param(by, marks=pytest.mark.slow) for by in (pole, slab))]
+)
 def test_they_are_certain_as_far_as_the_rest_allows(
     by: Callable[[Readings], np.ndarray] | None, found: Diagnosis
 ) -> None:

@@ -55,8 +55,10 @@ FEW = ["lamp_drift", "water_drift", "beam_offset", "background", "beam_tilt", "b
 
 @pytest.mark.parametrize(
     ("seed", "only"),
-    [(0, FEW), *(pytest.param(seed, None, marks=pytest.mark.slow) for seed in (0, 1, 2))],
-    ids=str,
+    [
+        pytest.param(0, FEW, id="0, few"),
+        *(pytest.param(seed, None, id=str(seed), marks=pytest.mark.slow) for seed in (0, 1, 2)),
+    ],
 )
 def test_what_all_bands_share_is_no_effect(seed: int, only: list[str] | None) -> None:
     verdict = diagnose(readings(seed), scene(), diffuse=None, only=only).verdict

@@ -55,8 +55,10 @@ FEW = ["beam_profile", "beam_skirt", "background", "beam_offset", "lamp_drift", 
 
 @pytest.mark.parametrize(
     ("seed", "only"),
-    [(2, FEW), *(pytest.param(seed, None, marks=pytest.mark.slow) for seed in (2, 3, 4, 6))],
-    ids=str,
+    [
+        pytest.param(2, FEW, id="2, few"),
+        *(pytest.param(seed, None, id=str(seed), marks=pytest.mark.slow) for seed in (2, 3, 4, 6)),
+    ],
 )
 def test_errors_of_a_fitted_lamp_are_no_effects_of_the_next_campaign(
     seed: int, only: list[str] | None, tmp_path: Path

@@ -39,8 +39,10 @@ FEW = ["beam_asymmetry", "beam_tilt", "beam_offset", "beam_ellipticity", "backgr
 
 @pytest.mark.parametrize(
     ("seed", "only"),
-    [(0, FEW), *(pytest.param(seed, None, marks=pytest.mark.slow) for seed in (0, 3))],
-    ids=str,
+    [
+        pytest.param(0, FEW, id="0, few"),
+        *(pytest.param(seed, None, id=str(seed), marks=pytest.mark.slow) for seed in (0, 3)),
+    ],
 )
 def test_errors_are_judged_about_what_explains_the_readings(seed: int, only: list[str] | None) -> None:
     """Beside the base model alone the scatter of its misfit once passed for that of the readings."""
