@@ -161,8 +161,9 @@ def test_a_tilt_that_only_a_wide_scan_tells_from_an_offset_is_ambiguous() -> Non
     assert verdict.next_measurement is not None
 
 
+@pytest.mark.slow
 def test_a_shadow_is_unexplained_and_located() -> None:
-    """No effect of the table is a dip at one x; the coordinate is."""
+    """No effect of the whole table is a dip at one x; the coordinate is. Of few: `test_beside_unknowns`."""
     table, scene = readings(seed=4, factor=lambda t: 1 - 0.2 * np.exp(-(((t.x_m - 0.3) / 0.06) ** 2)))
     verdict = diagnose(table, scene, diffuse=None).verdict
     assert (verdict.verdict, verdict.effects) == ("unexplained", [])
@@ -171,9 +172,8 @@ def test_a_shadow_is_unexplained_and_located() -> None:
     jsonschema.validate(json.loads(verdict.model_dump_json()), json_schema())
 
 
-@pytest.mark.parametrize(
-    "period_deg", [2.0, *(pytest.param(at, marks=pytest.mark.slow) for at in (1.1, 1.5))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("period_deg", [1.1, 1.5, 2.0])
 def test_a_ripple_of_the_angle_is_not_taken_for_noise(period_deg: float) -> None:
     """Not far above the noise of 1 %: a beam that is no Gaussian, or too fast for any smooth curve."""
 

@@ -166,7 +166,7 @@ def test_a_small_tilt_of_lamp_or_detector_is_ambiguous():
 def test_a_shadow_is_unexplained_and_located():
     """A dip of 23 % and 6.5 cm at x = 0.08 m on every plane: no effect of the table.
 
-    In the fast tier `test_diagnosis.py` has a shadow, in readings of the formula.
+    In the quick tests `test_beside_unknowns.py` has a shadow, in readings of the formula.
     """
     verdict = of_kind("unexplained").verdict
     assert (verdict.verdict, verdict.effects) == ("unexplained", [])

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 
+import jsonschema
 import numpy as np
 import pytest
 from analytic_readings import readings
@@ -12,6 +14,7 @@ from scipy import special
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.local_unknowns import left_by_a_ripple
+from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.readings import Readings
 
 BACKGROUND, OFFSET_M = 0.01, 0.04
@@ -71,6 +74,7 @@ def test_the_rest_is_told_by_its_place_and_size(found: Diagnosis) -> None:
     assert verdict.misfit is not None and verdict.misfit.like == "dip_in_x"
     assert verdict.misfit.coordinate == "x" and verdict.next_measurement is not None
     assert abs(verdict.misfit.worst_at - PLACE_M) < WIDTH_M, "of the shadow, not of the lamp's place"
+    jsonschema.validate(json.loads(verdict.model_dump_json()), json_schema())
     assert "dip_in_x" not in verdict.detection_limits and "dip_in_x" not in verdict.hindrances
 
 
