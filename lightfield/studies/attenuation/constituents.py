@@ -10,10 +10,12 @@ Where a model does not fit, its intervals are those of errors larger by `common_
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
+from scipy import stats
 from scipy.optimize import brentq, least_squares
 
 from lightfield.arrays import Array
@@ -69,6 +71,22 @@ class Amount:
         return self.low_95 > 0.0
 
 
+@dataclass(frozen=True)
+class Alternatives:
+    """Amounts that stand for each other: each may be nothing, all of them together may not, at 95 %.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Fields of the water.
+    rise : float
+        Of chi-square where all are nothing; widened by misfits.
+    """
+
+    names: tuple[str, ...]
+    rise: float
+
+
 @dataclass(frozen=True, eq=False)
 class Constituents:
     """The answer of one model of the light.
@@ -77,12 +95,15 @@ class Constituents:
     ----------
     amounts : dict of Amount, by field of the water
         Intervals are widened by misfits.
+    alternatives : tuple of Alternatives
+        Of amounts that are not found one by one.
     water : Water
         With these amounts.
     chi2 : float
     """
 
     amounts: dict[str, Amount]
+    alternatives: tuple[Alternatives, ...]
     water: Water
     chi2: float
     dof: int
@@ -96,6 +117,11 @@ class Constituents:
     def rejected(self) -> bool:
         """Do the readings exclude this model of the light, whatever the amounts?"""
         return self.p <= POOR_FIT
+
+    def instead_of(self, name: str) -> list[str]:
+        """What may be there instead of an amount: fields of the water."""
+        sets = [one.names for one in self.alternatives if name in one.names]
+        return [other for other in self.amounts if other != name and any(other in names for names in sets)]
 
     @property
     def errors_times(self) -> float:
@@ -139,8 +165,9 @@ def fit_constituents(
         name: _profile(left, best, k, scale, most, times, names[name][1], names[name][0])
         for k, name in enumerate(names)
     }
+    alternatives = _alternatives(left, best, amounts, scale, most, times)
     water = base.model_copy(update={n: float(v) for n, v in zip(names, best.u, strict=True)})
-    return Constituents(amounts, water, best.chi2, dof)
+    return Constituents(amounts, alternatives, water, best.chi2, dof)
 
 
 def best_amounts(stack: Stack, base: Water, *, scattered: bool = True) -> dict[str, float]:
@@ -182,10 +209,12 @@ def _holding(base: Water, amounts: dict[str, float]) -> Water:
 
 
 def _fit(
-    left: Callable[[Array], Array], start: Array, scale: Array, most: Array, held: int | None = None
+    left: Callable[[Array], Array], start: Array, scale: Array, most: Array, held: Collection[int] = ()
 ) -> _Fit:
-    """Least chi-square over all amounts but the held one, none below nothing."""
-    free = [k for k in range(len(start)) if k != held]
+    """Least chi-square over all amounts but the held ones, none below nothing."""
+    free = [k for k in range(len(start)) if k not in held]
+    if not free:
+        return _Fit(start, float((left(start) ** 2).sum()), np.zeros((0, 0)))
 
     def some(v: Array) -> Array:
         u = start.copy()
@@ -221,7 +250,7 @@ def _profile(
         if at not in known:
             start = last[-1].copy()
             start[k] = at
-            fit = _fit(left, start, scale, most, held=k)
+            fit = _fit(left, start, scale, most, held=(k,))
             last.append(fit.u)
             known[at] = (fit.chi2 - best.chi2) / times**2
         return known[at]
@@ -241,3 +270,32 @@ def _profile(
     low_95, high_95 = end(RISE_95, -1), end(RISE_95, 1)
     stderr = 0.5 * (high_68 - low_68) if low_68 > 0 else high_68 - value
     return Amount(name, unit, value, stderr, low_68, high_68, low_95, high_95)
+
+
+def _alternatives(
+    left: Callable[[Array], Array],
+    best: _Fit,
+    amounts: dict[str, Amount],
+    scale: Array,
+    most: Array,
+    times: float,
+) -> tuple[Alternatives, ...]:
+    """The smallest sets of amounts, none found by itself, of which not all are nothing.
+
+    As each lies at its boundary there, the limit, chi-square of as many degrees of freedom as there are
+    amounts, is on the safe side (Self & Liang 1987, doi:10.1080/01621459.1987.10478472).
+    """
+    names = list(amounts)
+    missing = [k for k, amount in enumerate(amounts.values()) if not amount.found]
+    found: list[Alternatives] = []
+    for size in range(2, len(missing) + 1):
+        for held in combinations(missing, size):
+            chosen = tuple(names[k] for k in held)
+            if any(set(one.names) <= set(chosen) for one in found):
+                continue
+            start = best.u.copy()
+            start[list(held)] = 0.0
+            rise = (_fit(left, start, scale, most, held).chi2 - best.chi2) / times**2
+            if rise > stats.chi2.isf(0.05, size):
+                found.append(Alternatives(chosen, rise))
+    return tuple(found)

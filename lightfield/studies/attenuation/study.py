@@ -176,12 +176,23 @@ def _content(apparent: Sequence[Apparent], stack: Stack | None, others: dict[flo
 
 
 def beer_lambert_is_off(content: Content) -> dict[str, tuple[float, float]]:
-    """By how much the formula misses the amounts that were found: relative, and in its own stated errors."""
+    """By how much the formula misses the amounts that were found: relative, and in its own stated errors.
+
+    Only those that are found with grey scattering free too: what else might scatter is no yardstick.
+    """
     if content.traced is None:
         return {}
     off = {}
     for name, right in content.traced.amounts.items():
         wrong = content.beer_lambert.amounts[name]
-        if right.found and wrong.stderr > 0:
+        if right.found and name not in only_without_grey(content) and wrong.stderr > 0:
             off[name] = (wrong.value / right.value - 1, (wrong.value - right.value) / wrong.stderr)
     return off
+
+
+def only_without_grey(content: Content) -> list[str]:
+    """Amounts that are found only if nothing but the constituents scatters: fields of the water."""
+    if content.traced is None or content.loose is None:
+        return []
+    loose = content.loose.amounts
+    return [name for name, one in content.traced.amounts.items() if one.found and not loose[name].found]

@@ -10,9 +10,14 @@ import numpy as np
 from lightfield.arrays import evenly, finite
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
-from lightfield.studies.attenuation.constituents import Amount
+from lightfield.studies.attenuation.constituents import Constituents
 from lightfield.studies.attenuation.scattered import Scattered
-from lightfield.studies.attenuation.study import Attenuation, Content, beer_lambert_is_off
+from lightfield.studies.attenuation.study import (
+    Attenuation,
+    Content,
+    beer_lambert_is_off,
+    only_without_grey,
+)
 
 #: So many colours are printed; the data hold all.
 SHOWN = 12
@@ -164,17 +169,21 @@ def scene_sentences(found: Attenuation) -> list[str]:
 
 def content_rows(found: Content) -> list[list[str]]:
     """A row per constituent: each model's amount with its 68 % interval, or its 95 % limit."""
-    models = [m for m in (found.traced, found.loose, found.beer_lambert) if m is not None]
+    models = _models(found)
     names = list(dict.fromkeys(name for m in models for name in m.amounts))
     rows = []
     for name in names:
         first = next(m.amounts[name] for m in models if name in m.amounts)
-        cells = [amount_text(m.amounts[name]) if name in m.amounts else "–" for m in models]
-        rows.append([f"{first.name} ({first.unit})", *cells])
+        rows.append([f"{first.name} ({first.unit})", *(amount_text(m, name) for m in models)])
     rows.append(["chi² / dof", *(f"{m.chi2:.0f} / {m.dof} (p = {m.p:.2g})" for m in models)])
     if any(m.rejected for m in models):
         rows.append(["rejected", *(f"errors × {m.errors_times:.2g}" if m.rejected else "no" for m in models)])
     return rows
+
+
+def _models(found: Content) -> list[Constituents]:
+    """In the order of `content_head`."""
+    return [m for m in (found.traced, found.loose, found.beer_lambert) if m is not None]
 
 
 def content_head(found: Content) -> tuple[str, ...]:
@@ -183,11 +192,16 @@ def content_head(found: Content) -> tuple[str, ...]:
     return ("", *(models if found.traced is not None else models[2:]))
 
 
-def amount_text(amount: Amount) -> str:
+def amount_text(model: Constituents, name: str) -> str:
     """An amount with its 68 % interval; where 95 % reach to nothing, their upper end."""
-    if not amount.found:
-        return f"none found: < {amount.high_95:.2g}"
-    return f"{amount.value:.3g} ({amount.low_68:.3g} to {amount.high_68:.3g})"
+    amount = model.amounts.get(name)
+    if amount is None:
+        return "–"
+    if amount.found:
+        return f"{amount.value:.3g} ({amount.low_68:.3g} to {amount.high_68:.3g})"
+    if others := model.instead_of(name):
+        return f"0 to {amount.high_95:.2g}, or {' or '.join(model.amounts[o].name for o in others)}"
+    return f"none found: < {amount.high_95:.2g}"
 
 
 def content_lines(found: Content) -> list[str]:
@@ -215,6 +229,7 @@ def content_sentences(found: Content) -> list[str]:
             f"are not to be trusted, though the errors behind their intervals are multiplied by "
             f"{traced.errors_times:.2g}."
         )
+    lines += _not_told_apart(found)
     off = {k: v for k, v in beer_lambert_is_off(found).items() if abs(v[1]) > NOTEWORTHY_SIGMA}
     if off:
         words = [
@@ -231,6 +246,25 @@ def content_sentences(found: Content) -> list[str]:
             f"{traced.amounts[name].name} {round(value, 4):.2g}" for name, value in amounts.items()
         )
         lines.append(f"With a phase function of g = {g:g} it would be {values}.")
+    return lines
+
+
+def _not_told_apart(found: Content) -> list[str]:
+    """Amounts that stand for each other, and what that makes of those that are found without the other."""
+    lines = []
+    for head, model in zip(content_head(found)[1:], _models(found), strict=True):
+        for one in model.alternatives:
+            names = " or ".join(model.amounts[name].name for name in one.names)
+            lines.append(
+                f"{names[:1].upper()}{names[1:]}: these readings cannot tell them apart ({head}). Each alone "
+                f"may be nothing; all of them cannot: chi-square would rise by {one.rise:.3g}."
+            )
+    if found.traced is not None and (only := only_without_grey(found)):
+        names = " and ".join(found.traced.amounts[name].name for name in only)
+        lines.append(
+            "The numbers of the first model hold only if nothing but the constituents scatters: its "
+            f"{names} {'are' if len(only) > 1 else 'is'} no yardstick for Beer-Lambert."
+        )
     return lines
 
 
@@ -318,6 +352,7 @@ def _content_data(found: Content) -> dict[str, Any]:
         **{
             name: {
                 "amounts": {k: asdict(v) | {"distinguished": v.found} for k, v in model.amounts.items()},
+                "alternatives": [asdict(one) for one in model.alternatives],
                 "chi2": model.chi2,
                 "degrees_of_freedom": model.dof,
                 "p": finite(model.p),
