@@ -29,7 +29,10 @@ LINES = 6
 
 
 def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
-    """Light lost per metre and over every distance that was measured, with bands of one standard error."""
+    """Light lost per metre and over every distance that was measured, with bands of one standard error.
+
+    Grey: wavelengths of what was published of this water.
+    """
     colour, distances = one.ratios.wavelength_nm, np.unique(np.round(one.ratios.path_m, 3))
     marker = "o" if len(colour) < 30 else ""
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
@@ -47,8 +50,9 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
         )  # fmt: skip
         low, high = left.get_ylim()
         left.set_ylim(min(low, value[least] - 0.25 * (high - low)), high)
-        left.axvspan(500, 550, color=MUTED, alpha=0.12, linewidth=0)
         for first, last, K in one.ratios.published:
+            for axis in (left, right):
+                axis.axvspan(first, last, color=MUTED, alpha=0.12, linewidth=0)
             level = -100 * np.expm1(-K)
             left.plot([first, last], [level, level], color=BAD, linewidth=3)
             left.annotate(
@@ -65,7 +69,6 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
             shade = SERIES[k % len(SERIES)]
             right.fill_between(colour, value - error, value + error, color=shade, alpha=0.2, linewidth=0)
             right.plot(colour, value, color=shade, marker=marker, markersize=3, label=f"{d:.3g} m")
-        right.axvspan(500, 550, color=MUTED, alpha=0.12, linewidth=0)
         right.legend(title="distance", loc="best")
         label(right, "wavelength (nm)", "% lost", "… and over each distance")
     return fig

@@ -21,9 +21,6 @@ from lightfield.studies.attenuation.text import (
     table_rows,
 )
 
-#: Rows of the table of wavelengths.
-ROWS = 14
-
 
 def attenuation_page(found: Attenuation) -> str:
     """The page."""
@@ -72,14 +69,15 @@ def _content(found: Content) -> Section:
 
 def _apparent(one: Apparent, number: int) -> Section:
     quantity = str(one.ratios.scene.detector.quantity).replace("_", " ")
-    rows, there = table_rows(one, ROWS), len(one.K_per_m)
+    rows, there = table_rows(one), len(one.K_per_m)
     cut = f" {len(rows)} of {there} wavelengths; the figure above shows all." if len(rows) < there else ""
+    grey = " Grey: the wavelengths of what was published of this water." if one.ratios.published else ""
     return Section(
         f"Apparent attenuation, {quantity}",
         (
             page_figure(
                 f"percent{number}",
-                "Bands of one standard error. Grey: 500 to 550 nm, the band of the tow tank experiment.",
+                f"Bands of one standard error.{grey}",
                 "Light lost per metre and over each distance, against wavelength",
                 percent_figure,
                 one,

@@ -19,7 +19,7 @@ from lightfield.studies.attenuation.study import (
     only_without_grey,
 )
 
-#: So many colours are printed; the data hold all.
+#: So many colours are printed, in a terminal and on a page; the data hold all.
 SHOWN = 12
 #: Readings that part from the scene's water by more of their errors show another.
 OTHER_WATER_SIGMA = 4.0
@@ -73,7 +73,7 @@ def headline(one: Apparent) -> str:
     )
 
 
-def table_rows(one: Apparent, most: int = SHOWN) -> list[list[str]]:
+def table_rows(one: Apparent) -> list[list[str]]:
     """Wavelength, K, per cent per metre, and per cent over the nearest and farthest distance, as text."""
     near, far = float(one.ratios.path_m.min()), float(one.ratios.path_m.max())
     columns = [one.percent(), one.percent(near), one.percent(far)]
@@ -83,7 +83,7 @@ def table_rows(one: Apparent, most: int = SHOWN) -> list[list[str]]:
             f"{one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}",
             *(f"{p[k]:.1f} ± {max(e[k], 0.1):.1f} %" for p, e in columns),
         ]
-        for k in evenly(len(one.K_per_m), most)
+        for k in evenly(len(one.K_per_m), SHOWN)
     ]
 
 

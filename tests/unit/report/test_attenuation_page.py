@@ -1,0 +1,44 @@
+"""The page of a study of attenuation says what the terminal says, and of this water alone."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightfield.readings import Readings
+from lightfield.report.attenuation.figures import percent_figure
+from lightfield.report.attenuation.page import attenuation_page
+from lightfield.scene import Scene
+from lightfield.studies.attenuation.study import Attenuation, attenuation
+from lightfield.studies.attenuation.text import as_text
+
+
+def study(colours: int, **head: Any) -> Attenuation:
+    """Of light that falls by 0.1 per m and as 1/z^2 at all colours."""
+    axes = np.array([4.5, 5.5, 6.5]), np.linspace(420.0, 660.0, colours), ["water", "air"]
+    z, colour, medium = (v.ravel() for v in np.meshgrid(*axes, indexing="ij"))
+    value = np.exp(-np.where(medium == "water", 0.1, 0.0) * z) / z**2
+    table = Readings.from_arrays(
+        z_m=z, wavelength_nm=colour, medium=medium, value=value, stderr=0.003 * value, metadata=head
+    )
+    return attenuation(table, Scene.from_dict({"water": {"base": "pure"}}))
+
+
+@pytest.mark.parametrize("published", [[], [[460.0, 480.0, 0.1]]])
+def test_only_what_was_published_of_this_water_is_shaded(published: list[list[float]]) -> None:
+    found = study(3, published_attenuation=published)
+    for axis in percent_figure(found.apparent[0]).axes:
+        spans = [[patch.get_x(), patch.get_x() + patch.get_width()] for patch in axis.patches]
+        assert np.allclose(spans, [row[:2] for row in published])
+    page = attenuation_page(found)
+    assert "tow tank" not in page and ("Grey: " in page) == bool(published)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_page_and_terminal_show_the_same_wavelengths() -> None:
+    found = study(17)
+    (said,) = re.findall(r"\((\d+) of 17 wavelengths are shown\)", as_text(found))
+    assert f"{said} of 17 wavelengths; the figure above shows all" in attenuation_page(found)
