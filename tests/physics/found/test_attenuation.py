@@ -29,7 +29,7 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 from lightfield.studies.attenuation.apparent import apparent_attenuation
 from lightfield.studies.attenuation.constituents import best_amounts, fit_constituents, pure
 from lightfield.studies.attenuation.excess import grey
-from lightfield.studies.attenuation.ratios import ratios_of
+from lightfield.studies.attenuation.ratios import Ratios, ratios_of
 from lightfield.studies.attenuation.scattered import traced_stack
 from lightfield.studies.attenuation.study import Attenuation, attenuation, beer_lambert_is_off
 from lightfield.studies.attenuation.text import amount_text, as_data, as_text
@@ -246,15 +246,20 @@ def test_without_a_trace_only_the_formula_answers(axis) -> None:
 
 
 def test_scattering_at_a_boundary_gives_a_limit_and_no_finding() -> None:
-    """Clear water: nothing of anything is told from none, and limits say how much may be there."""
+    """Clear water, which scatters by its molecules: limits say how much may be there, of all together too."""
     clear = scene().with_values({f"water.{name}": 0.0 for name in TRUTH})
-    ln = np.stack(
-        [np.log(direct_field(clear, np.zeros(5), np.zeros(5), DISTANCES, np.full(5, c))) for c in COLOURS], 1
-    )
-    ratios = ratios_of(readings(clear, np.zeros(5), DISTANCES, ln, COLOURS), clear)
-    stack = traced_stack([apparent_attenuation(ratios)], RESPONSE)
+    nowhere = np.zeros(5)
+    air = np.log(direct_field(clear, nowhere, nowhere, DISTANCES, medium=np.ones(5, bool)))[:, None]
+
+    def ratios(y: Array) -> Ratios:
+        return ratios_of(readings(clear, nowhere, DISTANCES, air + y, COLOURS), clear)
+
+    some = ratios(np.tile(-0.1 * DISTANCES[:, None], len(COLOURS)))
+    stack = traced_stack([apparent_attenuation(some)], RESPONSE)
+    stack = replace(stack, tables=[ratios(stack.of_water(clear.water))])
     found = fit_constituents(stack, pure(clear.water))
     amounts = found.amounts
     for name in ("chlorophyll_mg_per_m3", "sediment_g_per_m3"):
         assert not amounts[name].found and amounts[name].low_95 == 0 and amounts[name].high_95 > 0
         assert amount_text(found, name).startswith("none found: < ")
+    assert not found.alternatives
