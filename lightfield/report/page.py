@@ -69,8 +69,8 @@ def page_figure(
 
 
 def three_digits(value: float | None) -> str:
-    """Three significant digits, a dash for what is unknown."""
-    return "–" if value is None or not math.isfinite(value) else f"{value:.3g}"
+    """Three significant digits, written out below a million; a dash for what is unknown."""
+    return "–" if value is None or not math.isfinite(value) else f"{float(f'{value:.3g}'):g}"
 
 
 def fill(template: str, **values: Any) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lightfield.arrays import finite
+from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.report.diagnosis.drawn import drawn_readings
 from lightfield.report.diagnosis.figures import data_figure, residual_map
@@ -16,6 +17,13 @@ from lightfield.report.diagnosis.view import Prediction, ReadingsView
 from lightfield.report.page import PageFigure, page_figure, three_digits
 from lightfield.report.sections import Section, Table, study_page
 from lightfield.studies.compare.readings import FitReport
+
+#: How to go on where something is missing.
+WHAT_NEXT = (
+    " `lightfield diagnose` with the same readings and scene looks for what it is. `lightfield compare` with "
+    "`--with EFFECT` and the same `-o` adds a rung with an effect of your choice to this page; "
+    "`lightfield diagnose --list` names them."
+)
 
 
 def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title: str) -> str:
@@ -43,8 +51,11 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
         verdict += f" The lowest so far is {three_digits(best.error_percent)} %, {best.label}."
     adequate = report.statistics.adequacy_p
     lead = [
-        f"{len(rungs)} models of these readings so far, in the order in which they were tried.",
-        f"Is anything missing beside the newest? p = {adequate:.2g}; small means yes.",
+        f"{len(rungs)} models of these readings so far, in the order in which they were tried."
+        if len(rungs) > 1
+        else "The first model of these readings.",
+        f"Is anything missing beside the newest? p = {adequate:.2g}; small means yes."
+        + WHAT_NEXT * (adequate < ALPHA),
     ]
     parameters = [
         [path, f"{e.value:.5g}", "–" if e.stderr is None else f"{e.stderr:.2g}", e.unit, e.reason or ""]
@@ -80,7 +91,7 @@ def _ladder(rungs: Sequence[Rung], floor: float | None) -> Section:
                 "The models, in the order in which they were tried.",
                 ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
                 [
-                    [rung.label, three_digits(rung.error_percent), f"{rung.chi2_per_dof:.3g}",
+                    [rung.label, three_digits(rung.error_percent), three_digits(rung.chi2_per_dof),
                      three_digits(rung.held_out_percent), rung.scene]
                     for rung in rungs
                 ],

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import ListedColormap, Normalize, SymLogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from lightfield.arrays import Array, evenly
 from lightfield.report.diagnosis.view import DiagnosisView, Group, ReadingsView
@@ -35,6 +35,10 @@ LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
 AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
 DASHED = (0, (5, 2))
+#: Misfits are drawn linear within the first, and over decades beyond where they reach the second, in sigma.
+NOISE_SIGMA, FAR_SIGMA = 3.0, 15.0
+#: Where decades of misfit are labelled, of either sign.
+_DECADES = (0, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 #: Explanations whose signatures are drawn.
 _MOST_SIGNATURES = 4
 STYLES, MARKS = ("solid", DASHED, "dotted", "dashdot"), ("s", "^", "D", "v")
@@ -62,7 +66,7 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
             )
         for column, group in enumerate(panels):
             _readings_panel(axes[:, column], view, group)
-        if np.nanmax(np.abs(view.residual_sigma(0)[~view.readings.left_out])) > 15:
+        if _largest_misfit(view) > FAR_SIGMA:
             for lower in axes[1] if narrow else axes[1, :1]:
                 _linear_over_noise(lower)
         several = "reading / largest of the scan" if len(panels) > 1 else "reading / largest"
@@ -98,11 +102,21 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
 
 def _linear_over_noise(axis: Axes) -> None:
     """Logarithmic beyond the noise: one axis for the misfit and for what is left of it."""
-    axis.set_yscale("symlog", linthresh=3, linscale=1)
+    axis.set_yscale("symlog", linthresh=NOISE_SIGMA, linscale=1)
+    _label_decades(axis)
+
+
+def _label_decades(axis: Axes) -> None:
+    axis.yaxis.set_major_locator(FixedLocator([sign * value for sign in (-1, 1) for value in _DECADES]))
+    axis.yaxis.set_minor_locator(NullLocator())
     axis.yaxis.set_major_formatter(
         FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
     )
-    axis.yaxis.set_major_locator(FixedLocator([-100, -30, -10, -3, 0, 3, 10, 30, 100, 300, 1000]))
+
+
+def _largest_misfit(view: ReadingsView) -> float:
+    """Of the base model, in sigma."""
+    return float(np.nanmax(np.abs(view.residual_sigma(0)[~view.readings.left_out]), initial=0.0))
 
 
 def steps(view: ReadingsView) -> list[tuple[int, str]]:
@@ -119,12 +133,16 @@ def few(panels: list[Group], most: int) -> list[Group]:
 def misfit_dots(
     axis: Axes, view: ReadingsView, step: int, x: Array, y: Array, rows: Any = slice(None)
 ) -> PathCollection:
-    """Readings at their places, coloured by what a model leaves of them; those left out are small."""
+    """Readings at their places, coloured by what a model leaves of them; those left out are small.
+
+    The colours reach as far as the base model's misfit.
+    """
     readings = view.readings
-    first = view.residual_sigma(0)[~readings.left_out]
-    scale = float(np.clip(np.nanmax(np.abs(first), initial=3.0), 3.0, 12.0))
+    most = max(_largest_misfit(view), NOISE_SIGMA)
+    over = most > FAR_SIGMA
+    norm = SymLogNorm(NOISE_SIGMA, vmin=-most, vmax=most) if over else Normalize(-most, most)
     return axis.scatter(
-        x, y, c=view.residual_sigma(step)[rows], cmap=RED_BLUE, vmin=-scale, vmax=scale,
+        x, y, c=view.residual_sigma(step)[rows], cmap=RED_BLUE, norm=norm,
         s=np.where(readings.left_out[rows], 8, 34), edgecolors=MUTED, linewidths=0.4,
     )  # fmt: skip
 
@@ -132,12 +150,15 @@ def misfit_dots(
 def misfit_bar(fig: Figure, dots: PathCollection, axes: Iterable[Axes]) -> None:
     """What the colours of `misfit_dots` mean."""
     bar = fig.colorbar(dots, ax=list(axes), extend="both", pad=0.015, aspect=22)
+    if isinstance(dots.norm, SymLogNorm):
+        _label_decades(bar.ax)
     bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
 
 
-def rms_title(view: ReadingsView, step: int, name: str) -> str:
-    residual = view.residual_sigma(step)[~view.readings.left_out]
-    return f"{name}: rms {float(np.sqrt(np.nanmean(residual**2))):.1f} σ"
+def rms_title(view: ReadingsView, step: int, rows: Any = slice(None)) -> str:
+    """Root mean square of what a model leaves of some readings."""
+    residual = view.residual_sigma(step)[rows][~view.readings.left_out[rows]]
+    return f"rms {float(np.sqrt(np.nanmean(residual**2))):.1f} σ"
 
 
 def _over_decades(axis: Axes, value: np.ndarray) -> None:
@@ -150,9 +171,9 @@ def _over_decades(axis: Axes, value: np.ndarray) -> None:
     axis.set_ylim(max(min(low, 0.6 * lit.min()), MOST_DECADES), max(high, 1.7 * lit.max()))
 
 
-def say_left_out(fig: Figure, shown: int, there: int) -> None:
+def say_left_out(fig: Figure, shown: int, there: int, what: str = "scans") -> None:
     if shown < there:
-        fig.suptitle(f"{shown} of {there} scans are drawn", x=0.01, ha="left", fontsize=9, color=MUTED)
+        fig.suptitle(f"{shown} of {there} {what} are drawn", x=0.01, ha="left", fontsize=9, color=MUTED)
 
 
 def residual_panel(axis: Axes, view: ReadingsView, at: np.ndarray, rows: np.ndarray, out: np.ndarray) -> None:
@@ -166,23 +187,34 @@ def residual_panel(axis: Axes, view: ReadingsView, at: np.ndarray, rows: np.ndar
 
 
 def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
-    """Where the misfit lives: every reading at its place, coloured by its residual, before and after."""
+    """Where the misfit lives: every reading at its place, coloured by its residual, before and after.
+
+    Several bands stand side by side, before above, after below.
+    """
     if view.is_grid:
         return _grid_map(view)
-    shown = steps(view)
-    readings, scan = view.readings, view.scan_axis
-    across = readings.y_m if scan == "y_m" else readings.x_m
+    readings, scan, shown = view.readings, "y_m" if view.scan_axis == "y_m" else "x_m", steps(view)
+    there = view.bands()
+    bands = few(there, MOST_NARROW if narrow else MOST_PANELS)
+    panels = [(step, band) for step, _ in shown for band in bands]
+    side_by_side = len(bands) > 1 and not narrow
+    columns = 1 if narrow else len(bands) if side_by_side else len(shown)
+    rows = len(panels) // columns
     high = 1.3 + 0.55 * min(max(np.unique(readings.z_m).size, 2), 6)
-    with figure(NARROW if narrow else WIDTH, high * (len(shown) if narrow else 1)) as fig:
-        grid = (len(shown), 1) if narrow else (1, len(shown))
-        axes = fig.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
-        for axis, (step, name) in zip(axes, shown, strict=True):
-            high_up = _spread(readings.z_m, readings.wavelength_nm, readings.medium)
-            dots = misfit_dots(axis, view, step, across, high_up)
-            label(axis, AXIS_NAMES["y_m" if scan == "y_m" else "x_m"], "", rms_title(view, step, name))
+    with figure(NARROW if narrow else WIDTH, high * rows * (0.7 if len(bands) > 1 else 1.0)) as fig:
+        axes = fig.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+        for axis, (step, band) in zip(axes.ravel(), panels, strict=True):
+            at = band.rows
+            dots = misfit_dots(axis, view, step, getattr(readings, scan)[at], readings.z_m[at], at)
+            names = [band.label] if side_by_side else [view.predictions[step].short_name, band.label]
+            label(axis, "", "", f"{', '.join(filter(None, names))}\n{rms_title(view, step, at)}")
             axis.margins(0.06, 0.12)
-        axes[0].set_ylabel("z (m)")
-        misfit_bar(fig, dots, axes)
+        for axis in axes[-1]:
+            axis.set_xlabel(AXIS_NAMES[scan])
+        for k, axis in enumerate(axes[:, 0]):
+            axis.set_ylabel(f"{shown[k][1]}\nz (m)" if side_by_side else "z (m)")
+        misfit_bar(fig, dots, axes.ravel())
+        say_left_out(fig, len(bands), len(there), "bands")
     return fig
 
 
@@ -278,17 +310,6 @@ def _sorted(view: ReadingsView, group: Group) -> tuple[np.ndarray, np.ndarray, n
     order = np.argsort(at, kind="stable")
     rows = group.rows[order]
     return at[order], rows, view.readings.left_out[rows]
-
-
-def _spread(z_m: np.ndarray, wavelength_nm: np.ndarray, medium: Sequence[str]) -> np.ndarray:
-    """Distances, scans of other wavelengths and media set a little apart: no dot hides another."""
-    keys = sorted({(m, float(w)) for m, w in zip(medium, wavelength_nm, strict=True)})
-    if len(keys) == 1:
-        return z_m
-    gaps = np.diff(np.unique(z_m))
-    step = 0.5 * (gaps.min() if gaps.size else 1.0) / len(keys)
-    place = {key: k - (len(keys) - 1) / 2 for k, key in enumerate(keys)}
-    return z_m + step * np.array([place[m, float(w)] for m, w in zip(medium, wavelength_nm, strict=True)])
 
 
 def spaced(text: str) -> str:

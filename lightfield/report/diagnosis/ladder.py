@@ -14,6 +14,7 @@ from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW, spaced
 from lightfield.report.diagnosis.view import Separation
+from lightfield.report.page import three_digits
 from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
 
 SURE_SIGMA = 6.0
@@ -26,7 +27,9 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
     at = np.arange(len(ladder))
     error = np.array([rung.error_percent for rung in ladder], float)
     held_out = np.array([np.nan if r.held_out_percent is None else r.held_out_percent for r in ladder])
-    texts = [f"{value:.2g} %" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g} %" for value in error]
+    texts = [
+        f"{three_digits(value)} %" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g} %" for value in error
+    ]
     error, held_out = np.maximum(error, LEAST_PERCENT), np.maximum(held_out, LEAST_PERCENT)
     wide = NARROW if narrow else max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder)))
     with figure(wide, 3.2) as fig:
@@ -68,7 +71,7 @@ def _noise_floor(axis: Axes, percent: float) -> None:
     axis.axhspan(0, percent, color=GOOD, alpha=0.14, linewidth=0)
     axis.axhline(percent, color=GOOD, linewidth=1.2)
     axis.annotate(
-        f"noise floor {percent:.2g} %", (0, percent), (5, 4), xycoords=("axes fraction", "data"),
+        f"noise floor {three_digits(percent)} %", (0, percent), (5, 4), xycoords=("axes fraction", "data"),
         textcoords="offset points", color=GOOD, fontsize=9.5,
     )  # fmt: skip
 

@@ -55,7 +55,7 @@ def place_map(view: ReadingsView, narrow: bool = False) -> Figure:
         axes = fig.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel()
         for axis, (step, name) in zip(axes, shown, strict=True):
             dots = misfit_dots(axis, view, step, readings.z_m, np.hypot(readings.x_m, readings.y_m))
-            label(axis, "z (m)", "r (m), from the axis", rms_title(view, step, name))
+            label(axis, "z (m)", "r (m), from the axis", f"{name}: {rms_title(view, step)}")
             axis.margins(0.06, 0.12)
         misfit_bar(fig, dots, axes)
     return fig

@@ -97,7 +97,7 @@ class DrawnReadings:
 
 @dataclass(frozen=True)
 class Group:
-    """Readings of one scan: same plane, medium and wavelength."""
+    """Readings of one scan (same plane, medium and wavelength), or of all scans of a band."""
 
     label: str
     rows: NDArray[np.intp]
@@ -160,6 +160,19 @@ class ReadingsView:
                 label += f", {medium}"
             found.append(Group(label, np.flatnonzero(rows)))
         return found
+
+    def bands(self) -> list[Group]:
+        """Readings of one medium and wavelength each; labels say only what differs."""
+        media, waves = np.asarray(self.readings.medium), self.readings.wavelength_nm
+        keys = sorted({(str(m), float(w)) for m, w in zip(media, waves, strict=True)})
+        several_media, several_waves = (len({key[k] for key in keys}) > 1 for k in (0, 1))
+        return [
+            Group(
+                ", ".join([f"{nm:g} nm"] * several_waves + [medium] * several_media),
+                np.flatnonzero((media == medium) & (waves == nm)),
+            )
+            for medium, nm in keys
+        ]
 
     def residual_sigma(self, step: int) -> Array:
         """(Reading - prediction) / sigma of one rung, shape (n,)."""

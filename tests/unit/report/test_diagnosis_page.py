@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from matplotlib.colors import SymLogNorm
 from matplotlib.patches import Polygon
 
 from lightfield.diagnosis.verdict.parts import Rung, SetAside
@@ -12,10 +13,12 @@ from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
-from lightfield.report.diagnosis.figures import data_figure, residual_map, signature_figure
+from lightfield.report.diagnosis.figures import FAR_SIGMA, data_figure, residual_map, signature_figure
+from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.diagnosis.page import _lead, diagnosis_page
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
+from lightfield.report.page import three_digits
 from lightfield.report.tank import tank_figure
 from lightfield.scene import Tank
 
@@ -297,6 +300,50 @@ def test_a_telephone_gets_one_panel_a_row():
         narrow.draw_without_rendering()
         lefts = {round(axis.get_position().x0, 2) for axis in narrow.axes if not hasattr(axis, "_colorbar")}
         assert len(lefts) == 1, draw.__name__
+
+
+def in_bands(waves=(460.0, 550.0), times=1.0):
+    """The readings of `example` in several bands; the base model's misfit is `times` as large."""
+    view = example("ambiguous")
+    many, n = len(waves), view.readings.value.size
+    columns = {name: np.tile(getattr(view.readings, name), many) for name in vars(view.readings)}
+    columns |= {"wavelength_nm": np.repeat(waves, n), "sigma": columns["sigma"] / times}
+    predictions = [dataclasses.replace(p, value=np.tile(p.value, many)) for p in view.predictions]
+    return dataclasses.replace(view, readings=DrawnReadings(**columns), predictions=predictions)
+
+
+def test_residuals_of_bands_stand_side_by_side_at_their_own_distances():
+    view = in_bands()
+    base, other, *after = [axis for axis in residual_map(view).axes if not hasattr(axis, "_colorbar")]
+    assert len(after) == 2
+    for axis, band in ((base, "460 nm"), (other, "550 nm")):
+        at = axis.collections[0].get_offsets()
+        assert set(at[:, 1]) == {4.5, 5.5, 6.5, 7.5, 8.5} and len(at) == view.readings.value.size / 2
+        assert axis.get_title("left").startswith(f"{band}\nrms ")
+    assert base.get_ylabel().startswith("base\n")
+    several = residual_map(in_bands(tuple(np.linspace(450, 600, 7))))
+    assert several.get_suptitle() == "5 of 7 bands are drawn"
+
+
+def test_colours_of_residuals_reach_as_far_as_the_misfit():
+    """Where it is many times the noise, over decades: else all would be one red."""
+    for times in (1.0, 20.0):
+        view = in_bands(times=times)
+        dots = residual_map(view).axes[0].collections[0]
+        most = np.nanmax(np.abs(view.residual_sigma(0)[~view.readings.left_out]))
+        assert dots.norm.vmax == pytest.approx(most) and dots.norm.vmin == pytest.approx(-most)
+        assert isinstance(dots.norm, SymLogNorm) == (most > FAR_SIGMA)
+    assert most > FAR_SIGMA
+
+
+def test_the_ladder_says_the_table_s_numbers():
+    unknown = dict.fromkeys(("held_out_percent", "removed_percent", "rendered_error_percent"))
+    rung = Rung(
+        label="base", effects=[], error_percent=1234.6, chi2_per_dof=1e5, parameters={}, scene="",
+        rendered_stderr_percent=None, **unknown,
+    )  # fmt: skip
+    said = [text.get_text() for text in ladder_figure([rung], 1.427).axes[0].texts]
+    assert said == ["noise floor 1.43 %", f"{three_digits(1234.6)} %"] and three_digits(1234.6) == "1230"
 
 
 def test_the_beam_ends_at_the_walls():

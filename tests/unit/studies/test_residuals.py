@@ -85,7 +85,19 @@ def test_the_page_and_the_ledger_of_a_dark_model_have_dashes(unlit: FitReport, t
     (line,) = (tmp_path / ledger.NAME).read_text(encoding="utf-8").splitlines()
     assert "NaN" not in line and json.loads(line)["error_percent"] is None
     page = readings_page(unlit, ledger.entries(tmp_path), "dark")
+    assert "The first model of these readings." in page and "1 models" not in page
     assert "base: error – %, noise floor – %." in page and "nan" not in re.sub("<svg.*?</svg>", "", page)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_page_says_how_to_go_on_where_something_is_missing(unlit: FitReport, tmp_path: Path) -> None:
+    for _ in range(2):
+        unlit.save(tmp_path)
+    for p, said in ((0.001, True), (0.3, False)):
+        report = replace(unlit, statistics=replace(unlit.statistics, adequacy_p=p))
+        page = readings_page(report, ledger.entries(tmp_path), "again")
+        assert "2 models of these readings so far" in page
+        assert ("lightfield diagnose" in page and "--with EFFECT" in page) == said
 
 
 def test_a_fit_that_was_stopped_says_how_far_it_had_to_go() -> None:
