@@ -22,6 +22,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.experiments import unknowns
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.readings import Readings
+from lightfield.render.backend.choice import use_backend
 
 #: Correlation of successive errors; factor on the stated errors.
 SERIAL, STATED = 0.4, {"half stated": 0.5, "double stated": 2.0}
@@ -64,7 +65,8 @@ def _run(trial: Trial, folder: Path) -> Row:
     readings = _misstated(instrument.stated(readings), instrument.sigma(clean), trial.errors, rng)
     begun = time.process_time()
     verdict = diagnose(readings, believed).verdict
-    row = {"n": n, "cpu_seconds": time.process_time() - begun} | as_data(verdict)
+    spent = {"cpu_seconds": time.process_time() - begun, "traced_on": use_backend().kind}
+    row = {"n": n} | spent | as_data(verdict)
     known = clean if not truth.unknown else measure(scene, table, light, instrument, rng)[1]
     return row | deltas(trial, believed, readings, clean, known, instrument.sigma)
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-import numpy as np
-
-from benchmarks.many_effects.scores import Row, explained, found, scores, wrong
+from benchmarks.many_effects.scores import Row, explained, found, scores, seconds_on_processors, wrong
 
 _HEAD = """# Many effects at once
 
@@ -50,7 +48,8 @@ are the simplest, too, and finding by sigma is counted in clean sets.
 def page(rows: Sequence[Row], planned: int) -> str:
     """The page, as Markdown."""
     kinds = Counter(r["stratum"] for r in rows)
-    seconds = np.array([r["cpu_seconds"] for r in rows if "cpu_seconds" in r])
+    seconds = seconds_on_processors(rows)
+    card = sum(r.get("traced_on") == "cuda" for r in rows)
     versions = ", ".join(
         f"{v} ({n} sets)" for v, n in Counter(r.get("code", "-") for r in rows).most_common()
     )
@@ -58,7 +57,8 @@ def page(rows: Sequence[Row], planned: int) -> str:
     errors = sum(r["verdict"] == "error" for r in rows)
     lines = [
         _HEAD,
-        f"**{len(rows)} sets** of {planned} planned ({told}); {errors} ended in an error. Code: {versions}.",
+        f"**{len(rows)} sets** of {planned} planned ({told}); {errors} ended in an error; light of "
+        f"{card} was traced on a graphics card. Code: {versions}.",
     ]
     if len(rows) < planned and len(seconds):
         hours = planned * float(seconds.mean()) / 3600
