@@ -83,7 +83,7 @@ def wide_alone(monkeypatch):
 
 
 #: Commands that write nothing for later ones, and run in other quick tests: here in the slow tier.
-ALSO_ELSEWHERE = ("compare", "link", "band", "picture", "regime", "follow")
+ALSO_ELSEWHERE = ("compare", "link", "band", "picture", "regime", "follow", "diagnose", "pose")
 
 
 @pytest.mark.parametrize("line", COMMANDS)

@@ -193,7 +193,8 @@ def test_a_ripple_of_the_angle_is_not_taken_for_noise(period_deg: float) -> None
     assert float(period) == pytest.approx(period_deg, rel=0.1)
 
 
-@pytest.mark.parametrize("seed", [4, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 5])
 def test_a_flood_with_a_steep_edge_is_a_profile_of_many_functions(seed: int) -> None:
     """Eleven take nearly all of it, where they take a part of a ripple: then a finer curve is tried."""
 

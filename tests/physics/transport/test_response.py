@@ -84,6 +84,7 @@ def test_coarse_cells_are_right_on_the_mean_in_other_water() -> None:
         assert same_light_p(*maps) > 0.001
 
 
+@pytest.mark.slow
 def test_light_of_dense_water_in_clearer_water() -> None:
     """From b = 2.1 to 1.05 per m between walls. A sixth of the light at 4 m was reflected and scattered five
     times or more, and is told by the length of its path; its error is what is stated of it. By the mean

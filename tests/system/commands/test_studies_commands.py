@@ -83,7 +83,10 @@ def test_real_jaz_files_go_all_the_way(reference, tmp_path, monkeypatch, capsys)
     [
         "range scene.toml --no-trace --json out.json --report out.html",
         "band scene.toml --no-trace --distances 4.5,8.5 --width 30 --json out.json --report out.html",
-        "link scene.toml --water pure=0.05,0 --max-photons 1e4 --to 20 --json out.json --report out.html",
+        pytest.param(
+            "link scene.toml --water pure=0.05,0 --max-photons 1e4 --to 20 --json out.json --report out.html",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_studies_of_a_scene_write_their_page_and_numbers(words, tmp_path, monkeypatch, capsys) -> None:

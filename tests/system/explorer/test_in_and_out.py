@@ -89,6 +89,7 @@ def test_what_is_saved_opens_again(page, folder: Path, tmp_path: Path) -> None:
     assert again.now.effects == ("background:constant",)
 
 
+@pytest.mark.slow
 @needs_browser
 def test_a_diagnosis_runs_beside_the_page_and_its_explanation_is_accepted(page) -> None:
     rest(page)

@@ -114,6 +114,7 @@ def test_kill_9_from_outside_and_ctrl_c(scene: Path, uninterrupted: Path, tmp_pa
     assert differences(store, uninterrupted) == []
 
 
+@pytest.mark.slow
 def test_kill_9_of_a_worker_in_the_middle_of_a_write(
     scene: Path, uninterrupted: Path, tmp_path: Path
 ) -> None:

@@ -151,6 +151,7 @@ def test_water_and_detector_count_at_every_wavelength_of_the_band() -> None:
         assert float(data.power_w.interp(z_m=z)) == pytest.approx(known, rel=0.01)
 
 
+@pytest.mark.slow
 def test_scattered_light_knows_the_colour_of_the_lamp() -> None:
     """A line at 510 nm in water whose absorption there is 0.05 per m, in the middle of the band 0.2."""
     grey = link(scene(0.05, 0.15), waters={}, to_m=20.0, max_photons=2e5, rel_error=1e-3)

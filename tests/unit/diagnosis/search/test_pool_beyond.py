@@ -58,7 +58,8 @@ def _narrow(effect: Effect) -> Effect:
     return replace(effect, forms=(replace(form, amplitudes=(replace(free, low=-0.1, high=0.1),)),))
 
 
-@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.slow), 8])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 8])
 def test_what_makes_up_for_an_effect_at_its_end_is_not_certain(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -34,7 +34,7 @@ def test_guesses_that_are_off_as_guesses_are_need_no_word() -> None:
         assert warnings(*readings(seed=seed)) == []
 
 
-@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("factor", [0.5, pytest.param(2.0, marks=pytest.mark.slow)])
 def test_x_in_another_unit_shows_in_the_width(factor: float) -> None:
     """By nearly the factor: a wrong angle changes the cosine and the distance too."""
     table, believed = readings(seed=1)
