@@ -13,6 +13,7 @@ from lightfield.arrays import Array
 from lightfield.decompositions import eigen
 from lightfield.fitting.curves import (
     ABSORPTION,
+    BACKGROUND,
     BEYOND,
     COLOUR,
     PLANES,
@@ -24,7 +25,7 @@ from lightfield.fitting.curves import (
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.formula.path import attenuation_per_m
-from lightfield.formula.readout import plane_gain, time_factor
+from lightfield.formula.readout import ambient, plane_gain, time_factor
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.lamp.spectrum import spectral_power
@@ -55,7 +56,7 @@ class FittedCurve:
     at : array, shape (n,)
         deg, m, s or nm, as far as the readings reach; of planes their distances.
     value, stderr : array, shape (n,)
-        Intensity over that on the axis, attenuation in 1/m, relative lamp power or in W/nm, or gain.
+        Intensity over that on the axis, attenuation in 1/m, relative lamp power or in W/nm, gain, or reading.
     without : array, shape (n,)
         The same without the departure.
     rms : float
@@ -101,6 +102,10 @@ def _plane_gain(scene: Scene, z_m: Array) -> Array:
     return plane_gain(scene, z_m) * np.ones(z_m.size)
 
 
+def _background(scene: Scene, wavelength_nm: Array) -> Array:
+    return ambient(scene, None, wavelength_nm) * np.ones(wavelength_nm.size)
+
+
 _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     PROFILE: ("angle from the beam's axis (deg)", "intensity / that on the axis", _intensity),
     ABSORPTION: ("z (m)", "attenuation K (1/m)", _attenuation),
@@ -108,6 +113,7 @@ _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     SPECTRUM: ("wavelength (nm)", "lamp power (W/nm)", _power_per_nm),
     COLOUR: ("wavelength (nm)", "attenuation K (1/m)", _colour),
     PLANES: ("z (m)", "gain of the plane", _plane_gain),
+    BACKGROUND: ("wavelength (nm)", "reading without the lamp", _background),
 }
 
 
@@ -140,7 +146,7 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
         value, slopes = _with_slopes(forward, fit, shown, at)
         stderr = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
         without = shown(forward.scenes.at(flat, validate=False), at)
-        rms = float(np.linalg.norm(curves.bases[field].amplitudes(values)))
+        rms = curves.bases[field].rms(values)
         out.append(FittedCurve(field, coordinate, quantity, at, value, stderr, without, rms))
     return tuple(out)
 

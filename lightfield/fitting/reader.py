@@ -40,7 +40,8 @@ class Reader:
         spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
         overlap = analytic.halves(spectrum, readings.wavelength_nm)
         z_m = np.asarray(readings.z_m, float)
-        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap, z_m)
+        wave = readings.wavelength_nm
+        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap, z_m, wave)
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""

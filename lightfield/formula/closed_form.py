@@ -268,7 +268,7 @@ def predict(
     if (scene.detector.stray_light or scene.detector.second_order) and wavelength is not None:
         rest = (np.zeros(light.shape) if v is None else v for v in (in_air, time))
         spectrum = spectra(*places, *rest)
-    taken = Taken(in_air, spectrum, time, halves(spectrum, stated), places[2])
+    taken = Taken(in_air, spectrum, time, halves(spectrum, stated), places[2], stated)
     if not scene.effect:
         return readout(scene, light, full, taken)
     where = (*places, stated, time)

@@ -77,6 +77,8 @@ class Taken:
         Where readings of half the wavelength are; absent, or no overlap, there is no second order.
     z_m : array, m, optional
         Distances; absent, every plane has the same gain.
+    wavelength_nm : array, nm, optional
+        As stated; NaN (unknown) counts as the middle of the scene's first band, as if absent.
     """
 
     in_air: ArrayLike | None = None
@@ -84,6 +86,7 @@ class Taken:
     time_s: ArrayLike | None = None
     halves: Halves | None = None
     z_m: ArrayLike | None = None
+    wavelength_nm: ArrayLike | None = None
 
 
 def plane_gain(scene: Scene, z_m: ArrayLike | None) -> Array | float:
@@ -100,13 +103,28 @@ def plane_gain(scene: Scene, z_m: ArrayLike | None) -> Array | float:
     return np.exp(value_at(nodes, np.asarray(z_m, dtype=float))) if nodes and z_m is not None else 1.0
 
 
-def ambient(scene: Scene, time_s: ArrayLike | None = None) -> Array | float:
-    """Reading without the lamp: B (1 + d t), detector.background and its background_drift_per_hour."""
+def ambient(
+    scene: Scene, time_s: ArrayLike | None = None, wavelength_nm: ArrayLike | None = None
+) -> Array | float:
+    """Reading without the lamp: (B + departure(wavelength)) (1 + d t).
+
+    Parameters
+    ----------
+    scene : Scene
+        detector.background, background_departure, background_drift_per_hour.
+    time_s, wavelength_nm : array, s and nm, optional
+        As `Taken` has them.
+    """
     detector = scene.detector
+    level: Array | float = float(detector.background)
+    if detector.background_departure:
+        middle = float(np.mean(detector.bands_nm[0]))
+        wave = np.asarray(middle if wavelength_nm is None else wavelength_nm, dtype=float)
+        level = level + value_at(detector.background_departure, np.where(np.isnan(wave), middle, wave))
     if time_s is None or not detector.background_drift_per_hour:
-        return float(detector.background)
+        return level
     hours = np.nan_to_num(np.asarray(time_s, dtype=float)) / 3600.0
-    return np.asarray(detector.background * (1.0 + detector.background_drift_per_hour * hours))
+    return np.asarray(level * (1.0 + detector.background_drift_per_hour * hours))
 
 
 def immersed(scene: Scene, in_air: ArrayLike | None = None) -> Array | float:
@@ -189,8 +207,8 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
     Parameters
     ----------
     scene : Scene
-        detector.plane_departure, immersion_factor, second_order, stray_light, background and its drift,
-        saturation, saturation_quadratic.
+        detector.plane_departure, immersion_factor, second_order, stray_light, background with its
+        departure and drift, saturation, saturation_quadratic.
     signal : array
         Gain x light, in units of readings in air.
     full : float, optional
@@ -207,7 +225,7 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
     if detector.stray_light and taken.spectrum is not None:
         mean = np.bincount(taken.spectrum, reading) / np.bincount(taken.spectrum)
         reading = reading + detector.stray_light * (mean[taken.spectrum] - reading)
-    reading = reading + ambient(scene, taken.time_s)
+    reading = reading + ambient(scene, taken.time_s, taken.wavelength_nm)
     if detector.saturation or detector.saturation_quadratic:
         level = float(np.max(np.abs(reading), initial=1e-300)) if full is None else full
         s = reading / level

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
-from lightfield.scene.curve import Curve
+from lightfield.scene.curve import Curve, ShownCurve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
 from lightfield.scene.spectral.detector_response import COLUMNS, Response
 from lightfield.scene.spectral.peaks import Peak, way_written
@@ -93,6 +93,10 @@ class Detector(Part):
     background_drift_per_hour: float = number(
         0.0, "1/h", "background changes by 1 + d t",
         Acts.READOUT, low=-1000.0, high=1000.0, neutral=0.0,
+    )  # fmt: skip
+    background_departure: ShownCurve = declare(
+        (), "[[wavelength_nm, reading], ...] added to the background: linear between, constant beyond",
+        Acts.READOUT, neutral=(), later=True,
     )  # fmt: skip
     saturation: float = number(
         0.0, "1", "k of s / (1 + k s), s relative to the largest reading",

@@ -28,6 +28,7 @@ from lightfield.fitting.effects import Effect
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import FitParameter
 from lightfield.fitting.reader import READOUT
+from lightfield.formula.readout import ambient
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import cells_for, response_for
 from lightfield.scene import Scene
@@ -141,7 +142,7 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
     # A gain is found from the light: a background would hide it.
     known = scene.parameters()
     start = {path: known[path].neutral or 0.0 for path in READOUT if path in known}
-    light = value - scene.detector.background
+    light = value - ambient(scene, forward.readings.time_s, forward.readings.wavelength_nm)
     free = []
     if layout.angle_rad.max() > LEAST_RANGE and scene.lamp.profile not in ("isotropic", "pencil", "table"):
         hwhm, seen = scene.lamp.hwhm_deg, forward.light.diffuse.width_deg

@@ -89,7 +89,7 @@ _WORDS = {
     Hinders.MANY_CELLS: "scattered and reflected light would have to be traced in {cells} cells around the "
     "readings, of at most {most}",
     Hinders.DIFFUSE: "the scene has diffuse light, whose direction of arrival is not known",
-    Hinders.FEW_PLACES: "the readings are at too few different places or times",
+    Hinders.FEW_PLACES: "the readings are at too few different places, times or wavelengths",
     Hinders.FREE_ALREADY: "its parameters are free in the base model, or this scene has none of them",
     Hinders.ABSORBED: "absorbed by gain, beam width and absorption with these readings",
     Hinders.ABSORBED_IN_LAYOUT: "absorbed by gain, beam width and absorption in this layout",

@@ -47,6 +47,8 @@ def why_fixed(e: Experiment, scene: Scene) -> str | None:
         return "the instrument saturates"
     if detector.background_drift_per_hour:
         return "the background drifts"
+    if detector.background_departure:
+        return "the background has a colour"
     if scene.effect:
         return "an effect of your own is on"
     return "some readings are in air" if e.layout.air.any() else None

@@ -123,6 +123,8 @@ class Effect:
         Of a free-form curve: effects that are special cases of it, and are never combined with it.
     apart_from : tuple of str
         Other effects that it is never combined with.
+    kind_of : tuple of str
+        Of a curve: what it contains that is there wherever it is, as a background where one has a colour.
     """
 
     name: str
@@ -135,6 +137,7 @@ class Effect:
     instead_of: tuple[str, ...] = ()
     contains: tuple[str, ...] = ()
     apart_from: tuple[str, ...] = ()
+    kind_of: tuple[str, ...] = ()
 
     @property
     def is_free_form(self) -> bool:

@@ -1,6 +1,7 @@
 """Free-form effects: curves, of which named effects are special cases, tried where those do not suffice.
 
-What they are made of is in `fitting/curves.py`: amplitudes count in rms departures of the logarithm of light.
+What they are made of is in `fitting/curves.py`: amplitudes count in rms departures of the logarithm of light,
+of a background in parts of the brightest reading.
 Readings that tell of fewer functions than a form has make a form of those there are.
 """
 
@@ -16,12 +17,18 @@ _LARGE, _TYPICAL = 2.5, 0.02
 BEAM_PROFILE = "beam_profile"
 
 
-def _forms(field: str, sizes: Iterable[int], refining: Iterable[int] = ()) -> tuple[Form, ...]:
+def _forms(
+    field: str,
+    sizes: Iterable[int],
+    refining: Iterable[int] = (),
+    large: float = _LARGE,
+    typical: float = _TYPICAL,
+) -> tuple[Form, ...]:
     found = [(size, False) for size in sizes] + [(size, True) for size in refining]
     return tuple(
         Form(
             f"{size} functions",
-            tuple(Free(f"{field}.{k}", -_LARGE, _LARGE, _TYPICAL) for k in range(1, size + 1)),
+            tuple(Free(f"{field}.{k}", -large, large, typical) for k in range(1, size + 1)),
             refines=refines,
         )
         for size, refines in found
@@ -91,5 +98,17 @@ EFFECTS = (
         "is calibrated wrongly over the spectrum. On a relative scale it is part of the gains.",
         "Measure the lamp's spectrum in air with a calibrated spectrometer and use that table.",
         needs=("spectral", "absolute"),
+    ),
+    Effect(
+        "background_spectrum",
+        "additive signal",
+        # Of the brightest reading, as `background`.
+        _forms("detector.background_departure", (2, 4, 8), large=0.5, typical=0.002),
+        "Ambient light has a colour of its own: each wavelength has a background of another size.",
+        "The same amount at all places of one wavelength, another at the next: what is far and off the axis "
+        "has the colour of daylight, or of lamps in the room.",
+        "Read the spectrum with the lamp off, at every stay, and take it from the readings there.",
+        contains=("background",),
+        kind_of=("background",),
     ),
 )

@@ -147,7 +147,9 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     places, place = _labels(table.x_m, table.y_m, table.z_m, decimals=PLACE_DECIMALS)
     colours, colour = _labels(table.wavelength_nm, decimals=WAVELENGTH_DECIMALS)
     shape = (len(places), len(colours))
-    light = (table.value - ambient(scene, table.time_s)) / time_factor(scene, table.time_s)
+    light = (table.value - ambient(scene, table.time_s, table.wavelength_nm)) / time_factor(
+        scene, table.time_s
+    )
     relative, notes = _relative_errors(table, light, place * len(colours) + colour, air)
     common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value / light)
     relative = own_part(relative, common)

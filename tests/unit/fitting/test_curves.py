@@ -23,10 +23,11 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.errors import OutputError, UsageError
 from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects
-from lightfield.fitting.curves import ABSORPTION, NODES, POWER, PROFILE
+from lightfield.fitting.curves import ABSORPTION, POWER, PROFILE
 from lightfield.fitting.fitted_curves import FittedCurve, fitted_curves, save_lamp
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.smooth_functions import NODES
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -253,7 +254,7 @@ def test_readings_that_cannot_tell_a_curve_say_so() -> None:
     there = table.z_m < 5
     one_plane = replace(table.subset(there), time_s=np.full(there.sum(), np.nan))
     _, why = problem_of(SceneForward(believed(), one_plane), one_plane, effects.curves().values(), None)
-    of_colours = {"attenuation_spectrum", "lamp_spectrum"}
+    of_colours = {"attenuation_spectrum", "lamp_spectrum", "background_spectrum"}
     assert set(why) == {"attenuation_profile", "lamp_power_curve", "plane_gain"} | of_colours
     two = table.subset(table.z_m < 6)
     _, why = problem_of(SceneForward(believed(), two), two, effects.curves().values(), None)

@@ -232,6 +232,53 @@ def test_a_lamp_spectrum_is_found_and_is_a_lamp_for_every_scene(tmp_path: Path) 
     assert save_spectrum(forward, replace(fit, model=found_base(forward, table)), tmp_path) is None
 
 
+def daylight(made: dict[str, object], of_brightest: np.ndarray) -> np.ndarray:
+    """What each reading of a campaign has from above, whatever the lamp does."""
+    return np.tile(of_brightest, len(made["lit"]) // len(COLOURS)) * np.max(made["lit"])
+
+
+#: Blue from above, and red: over the brightest reading.
+SKY = 0.02 * (440.0 / COLOURS) ** 4
+DUSK = 0.012 * ((COLOURS - 440.0) / 180.0) ** 2
+
+
+@pytest.mark.parametrize("sky", [SKY, DUSK])
+def test_a_background_with_a_colour_is_found(sky: np.ndarray, tmp_path: Path) -> None:
+    """Daylight: at every wavelength within its errors."""
+    pulls = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        made = coloured(rng, 0.0 * COLOURS, power=np.linspace(1.0, 0.5, len(COLOURS)))
+        above = daylight(made, sky)
+        lit = made.pop("lit")
+        table = noisy(lit + above, rng, **made)
+        found, fit, curve = fitted(table, with_base(tmp_path), "background_spectrum")
+        there = [np.abs(curve.at - w).argmin() for w in COLOURS]
+        true = np.interp(curve.at[there], COLOURS, sky) * lit.max()
+        pulls.append((curve.value[there] - true) / curve.stderr[there])
+        assert [len(c.amplitudes) for c in found.curves] == [2, 4, 7]
+        assert not any(c.is_hardly_tested for c in found.curves)
+        assert likely(np.array([fit.chi2]), len(lit) - len(fit.u))
+        changed = np.sqrt(np.sum((above / table.stderr) ** 2) / np.sum(((lit + above) / table.stderr) ** 2))
+        assert curve.rms == pytest.approx(changed, rel=0.1)
+    assert likely(np.square(pulls), np.size(pulls))
+
+
+@pytest.mark.slow
+def test_daylight_is_called_by_its_spectrum_and_dark_signal_by_its_name(tmp_path: Path) -> None:
+    """Named forms win where they suffice."""
+    verdicts = {}
+    for name, sky in {"daylight": SKY, "dark signal": np.full(len(COLOURS), 0.01)}.items():
+        rng = np.random.default_rng(2)
+        made = coloured(rng, 0.0 * COLOURS)
+        above = daylight(made, sky)
+        lit = made.pop("lit")
+        table = noisy(lit + above, rng, **made)
+        verdicts[name] = diagnose(table, with_base(tmp_path), diffuse=None, advise=False).verdict
+    assert verdicts["daylight"].best_set == verdicts["daylight"].certain == ["background_spectrum"]
+    assert verdicts["dark signal"].best_set == verdicts["dark signal"].certain == ["background"]
+
+
 def found_base(forward: SceneForward, table: Readings) -> object:
     return problem_of(forward, table, [], None)[0].model()
 
@@ -258,6 +305,7 @@ def test_one_reading_for_each_distance_tells_no_gain_of_planes() -> None:
         ("attenuation_profile", "water.absorption_departure"),
         ("lamp_power_curve", "lamp.power_departure"),
         ("attenuation_spectrum", "water.colour_departure"),
+        ("background_spectrum", "detector.background_departure"),
     ],
 )
 def test_a_curve_is_hidden_by_its_name(name: str, field: str, tmp_path: Path) -> None:
@@ -269,6 +317,6 @@ def test_a_curve_is_hidden_by_its_name(name: str, field: str, tmp_path: Path) ->
     values = draw_effect(scene, table, name, rng, 3.0)
     ((path, nodes),) = values.items()
     size = np.sqrt(np.mean([value**2 for _, value in nodes]))
-    unit = 0.2 if path.startswith("water") else 1.0
+    unit = 0.1 if name == "background_spectrum" else 0.2 if path.startswith("water") else 1.0
     assert path == field and size == pytest.approx(0.06 * unit)
     assert scene.with_values(values).digest() != scene.digest()

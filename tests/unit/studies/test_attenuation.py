@@ -315,12 +315,16 @@ def test_from_instrument_files_to_attenuation(tmp_path) -> None:
     assert found.K_per_m == pytest.approx(0.1, abs=1e-5)
 
 
-def test_daylight_that_drifts_is_taken_from_every_reading() -> None:
-    """Half of the faintest light, doubled within an hour."""
-    lamp = scene().with_values({"detector.background_drift_per_hour": 0.8, "detector.background": 1e-3})
+@pytest.mark.parametrize("blue", [0.0, 5e-4])
+def test_daylight_that_drifts_is_taken_from_every_reading(blue: float) -> None:
+    """Half of the faintest light, doubled within an hour; of one colour, and of two."""
+    there = {"detector.background_drift_per_hour": 0.8, "detector.background": 1e-3}
+    ends = COLOURS[0], COLOURS[-1]
+    lamp = scene().with_values(there | {"detector.background_departure": ((ends[0], blue), (ends[1], 0.0))})
     clear = table(scene())
     time = np.linspace(0, 4500, len(clear))
-    daylight = 1e-3 * (1 + 0.8 * time / 3600)
+    sky = 1e-3 + np.interp(clear.wavelength_nm, ends, (blue, 0.0))
+    daylight = sky * (1 + 0.8 * time / 3600)
     assert daylight.max() > 0.5 * clear.value.min()
     columns = {k: getattr(clear, k) for k in ("z_m", "medium", "wavelength_nm", "stderr")}
     lit = Readings.from_arrays(value=clear.value + daylight, time_s=time, **columns)

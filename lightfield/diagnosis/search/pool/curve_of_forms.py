@@ -12,8 +12,9 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, begin_at, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.fitting.beam_width import WIDTH
-from lightfield.fitting.curves import PROFILE, Basis, field_of
+from lightfield.fitting.curves import PROFILE, field_of
 from lightfield.fitting.parameter import is_gain
+from lightfield.fitting.smooth_functions import Basis
 from lightfield.scene.lamp.profile import radial_intensity
 
 #: Angles count by their light, and in the dark as if they had this part of that on the axis. Chosen.

@@ -4,7 +4,6 @@ would be without it."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import hypot
 
 from lightfield.arrays import finite
 from lightfield.diagnosis.problem.candidates import Candidate
@@ -13,6 +12,7 @@ from lightfield.diagnosis.search.pool.evidence import Evidence
 from lightfield.diagnosis.verdict.calibration import EFFECT as POWER
 from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
+from lightfield.fitting.curves import field_of
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene.lamp.width import stated_width_deg
@@ -57,7 +57,7 @@ def _record(
         # What was not sought by its shape, the lamp's power, rests on the calibration alone.
         level="simplest" if finding.identified or candidate.name == POWER else "one of",
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
-        rms_percent=_rms_percent(candidate, fit),
+        rms_percent=_rms_percent(forward, candidate, fit),
         hardly_tested=candidate.is_hardly_tested,
         of_scene=not adds(candidate),
         with_it=_water_and_beam(forward, fit),
@@ -84,11 +84,11 @@ def _record(
     )
 
 
-def _rms_percent(candidate: Candidate, fit: Fit) -> float | None:
-    """Of a curve, whose functions are orthonormal in the metric of the readings."""
+def _rms_percent(forward: SceneForward, candidate: Candidate, fit: Fit) -> float | None:
+    """What a curve changes in the readings."""
     if not candidate.effect.is_free_form:
         return None
-    return 100 * hypot(*(fit.values[p.path] for p in candidate.amplitudes))
+    return 100 * forward.scenes.curves.bases[field_of(candidate.amplitudes[0].path)].rms(fit.values)
 
 
 def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:
