@@ -131,6 +131,7 @@ class Setting:
             "seconds": (span_s, 0.0),
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
+            "extent": (max(far - near, _SHORTEST_RANGE_M), 0.0),
             "spread": (self.spread_per_m, 0.0),
             "attenuation": (self.attenuation_per_m, 0.0),
         }[per]

@@ -120,9 +120,9 @@ def test_every_effect_says_how_to_check_it() -> None:
 
 
 def test_second_forms_exist_where_nature_has_two() -> None:
-    """Linear drift or warm-up, gradient or layer, two kinds of saturation, ambient light that drifts."""
-    for name in ("lamp_drift", "water_gradient", "saturation", "background"):
-        assert len(effects.get(name).forms) == 2
+    """Linear drift or warm-up, gradient or layers, two kinds of saturation, ambient light that drifts."""
+    for name, forms in {"lamp_drift": 2, "water_gradient": 3, "saturation": 2, "background": 2}.items():
+        assert len(effects.get(name).forms) == forms
 
 
 def test_a_package_can_add_an_effect(monkeypatch: pytest.MonkeyPatch, fresh_table: None) -> None:
@@ -167,7 +167,7 @@ def test_a_package_that_fails_or_mistypes_a_path_is_named(
 def test_an_unknown_name_lists_the_known_ones() -> None:
     with pytest.raises(UsageError, match="beam_tilt"):
         effects.get("beam_tlit")
-    with pytest.raises(UsageError, match="linear in z, layer"):
+    with pytest.raises(UsageError, match="linear in z, layer, thick layer"):
         effects.get_form("water_gradient:lair")
 
 

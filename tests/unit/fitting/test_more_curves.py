@@ -291,6 +291,20 @@ def test_relative_readings_have_the_spectrum_in_their_gains(tmp_path: Path) -> N
     assert why == {"lamp_spectrum": (Hindrance(Hinders.RELATIVE),)}
 
 
+def test_a_thick_layer_is_told_by_its_thickness() -> None:
+    """Of 1.5 m, where a scene speaks of 1 m: no gain of planes takes its place."""
+    rng = np.random.default_rng(0)
+    x, z, time = places(15, rng)
+    dimmed = light(x, z) * np.exp(-0.06 * np.clip(z - 5.0, 0, 1.5) * np.hypot(x, z) / z)
+    table = noisy(dimmed, rng, x_m=x, z_m=z, time_s=time)
+    verdict = diagnose(table, believed(), diffuse=None, advise=False).verdict
+    assert verdict.best_set == ["water_gradient"]
+    sizes = verdict.found[0].parameters
+    for name, true in {"layer_absorption_per_m": 0.06, "layer_centre_m": 5.75, "layer_width_m": 1.5}.items():
+        one = sizes[f"water.{name}"]
+        assert one.value == pytest.approx(true, abs=3 * one.stderr) and one.stderr < 0.1 * true
+
+
 def test_one_reading_for_each_distance_tells_no_gain_of_planes() -> None:
     z = np.linspace(4.5, 8.5, 30)
     table = noisy(light(0 * z, z), np.random.default_rng(0), x_m=0 * z, z_m=z)
