@@ -33,13 +33,24 @@ def can_follow(problem: Problem) -> bool:
 
 def scatters(problem: Problem, fit: Fit) -> bool:
     """Does what was fitted scatter light, of the kind that is followed?"""
+    scene = _turbid(problem, fit)
+    return scene is not None and describes(scene)
+
+
+def is_of_the_search_alone(problem: Problem, fit: Fit) -> bool:
+    """Does it scatter light of another kind, of which the trace of the search is all that is known?"""
+    scene = _turbid(problem, fit)
+    return scene is not None and not describes(scene)
+
+
+def _turbid(problem: Problem, fit: Fit) -> Scene | None:
+    """The scene of a fit whose scattered light is traced; None of clear water."""
     light = problem.forward.light
     if light.diffuse.trace is None:
-        return False
+        return None
     scene = light.scenes.at(fit.values, validate=False)
-    return bool(
-        scattering_per_m(scene.water, light.diffuse.wavelengths_nm).max() > _CLEAR_PER_M
-    ) and describes(scene)
+    most = float(scattering_per_m(scene.water, light.diffuse.wavelengths_nm).max())
+    return scene if most > _CLEAR_PER_M else None
 
 
 def is_followed(problem: Problem, values: Mapping[str, float]) -> bool:

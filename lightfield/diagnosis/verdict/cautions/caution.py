@@ -30,6 +30,7 @@ class Warns(str, Enum):
     EXCHANGED = "x and y exchanged"
     UNEVEN_LAMP = "uneven lamp"
     FINEST_CURVE = "lamp's curve as fine as curves go"
+    UNSETTLED = "scattered light by the trace of the search alone"
     LEFT_OUT = "scattered and reflected light left out"
     NOT_CONVERGED = "not converged"
     NOT_CONFIRMED = "not confirmed by a fresh render"
@@ -66,6 +67,8 @@ _WORDS = {
     "may do the same; turn it by 180 degrees about its axis and read again: what turns with it is the lamp's",
     Warns.FINEST_CURVE: "the lamp's curve takes as many functions as there are: {about} may stand for detail "
     "that it leaves out, an edge or a ring; measure the lamp in air with a fine step, and state its table",
+    Warns.UNSETTLED: "scattered light is that of one trace in other water, weighed anew, as the beam is not "
+    "round or the receiver no cosine collector: what is fitted may be off by several of its errors",
     Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "
     "fit may take it for something else",
     Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",

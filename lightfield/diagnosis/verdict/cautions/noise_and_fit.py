@@ -7,6 +7,7 @@ from scipy import special
 
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
@@ -52,6 +53,8 @@ def cautions(
         out.append(Caution(warns=Warns.UNEVEN_LAMP, about=", ".join(c.name for c in alike)))
     if finding.best is not None and (beside := beside_finest_curve(finding.best.explanation)):
         out.append(Caution(warns=Warns.FINEST_CURVE, about=", ".join(c.name for c in beside)))
+    if is_of_the_search_alone(prepared.problem, finding.best.fit if finding.best else finding.level.base):
+        out.append(Caution(warns=Warns.UNSETTLED))
     for explanation in explanations[:1]:
         for path, estimate in explanation.parameters.items():
             if estimate.reason is Reason.AT_BOUNDARY:

@@ -23,7 +23,7 @@ from lightfield.diagnosis.search.better_light import settling
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.better_light.settling import Judge, Settled
 from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.followed import PHOTONS, scatters
+from lightfield.diagnosis.search.followed import PHOTONS, is_of_the_search_alone, scatters
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Node
@@ -328,11 +328,16 @@ def test_photons_widen_errors_as_a_fit_without_their_noise_says(amplitude: float
 
 
 @pytest.mark.parametrize(("per_m", "is_clear"), [(0.0, True), (1e-6, True), (0.01, False)])
-def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool) -> None:
-    """A trace of it has no light whose ratio could be told."""
-    scene = Scene.from_dict({"water": {"scattering_per_m": per_m}})
+@pytest.mark.parametrize("ellipticity", [1.0, 1.3])
+def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool, ellipticity: float) -> None:
+    """A trace of it has no light whose ratio could be told. That of an oval beam is known by its trace alone,
+    of which a reader is warned."""
+    lamp = {"ellipticity": ellipticity}
+    scene = Scene.from_dict({"lamp": lamp, "water": {"scattering_per_m": per_m}})
     diffuse = SimpleNamespace(trace=object(), wavelengths_nm=np.array([525.0]))
     scenes = SimpleNamespace(at=lambda values, validate: scene)
     light = SimpleNamespace(diffuse=diffuse, scenes=scenes)
     problem = SimpleNamespace(forward=SimpleNamespace(light=light))
-    assert scatters(problem, SimpleNamespace(values={})) == (not is_clear)
+    fit = SimpleNamespace(values={})
+    assert scatters(problem, fit) == (not is_clear and ellipticity == 1)
+    assert is_of_the_search_alone(problem, fit) == (not is_clear and ellipticity != 1)
