@@ -32,6 +32,7 @@ from lightfield.diagnosis.search.pool.evidence import (
     Weighing,
     contained,
     evidence,
+    has,
     may_be_another_lamp,
 )
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
@@ -277,7 +278,7 @@ def _expected(weighing: Weighing, one: Evidence, values: Mapping[str, float]) ->
     best, name = weighing.best, one.candidate.name
     certain, named = _Worst(), _Worst()
     for node in weighing.pool.nodes.values():
-        if name in node.names:
+        if has(name, node):
             continue
         distance = np.sqrt(max(node.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi)
         noise = best.parameters - node.parameters

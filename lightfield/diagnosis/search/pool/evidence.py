@@ -169,7 +169,7 @@ def evidence(pool: Pool, best: Node, adequate: bool) -> list[Evidence]:
 
 def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[str, ...]) -> Evidence:
     pool, best, name = weighing.pool, weighing.best, candidate.name
-    less = [n for n in pool.nodes.values() if not _has(name, n)]
+    less = [n for n in pool.nodes.values() if not has(name, n)]
     named = [n for n in less if not contained(name, n)]
     gap, gap_named = _least(weighing.above(n) for n in less), _least(weighing.above(n) for n in named)
     gap_plus = _least(weighing.above_unpriced(n) for n in weighing.with_one_more(named))
@@ -225,14 +225,14 @@ def contained(name: str, node: Node) -> bool:
     return any(name in c.effect.contains for c in node.explanation)
 
 
-def _has(name: str, node: Node) -> bool:
+def has(name: str, node: Node) -> bool:
     """Does a set hold an effect, or a curve that is a kind of it?"""
     return any(name == c.name or name in c.effect.kind_of for c in node.explanation)
 
 
 def _only_contained(name: str, node: Node) -> bool:
     """Does a set hold a curve that may be something else than the effect that is a special case of it?"""
-    return contained(name, node) and not _has(name, node)
+    return contained(name, node) and not has(name, node)
 
 
 def _least(costs: Iterable[float]) -> float:
@@ -280,8 +280,8 @@ def _alternatives(
     """What other accepted sets, and sets of one effect more that do as well, hold in place of an effect;
     after what is known to do so."""
     best, out = weighing.best, list(known)
-    near = [n for n in weighing.family() if not _has(name, n)]
-    others = [n for n in weighing.pool.nodes.values() if not _has(name, n) and not contained(name, n)]
+    near = [n for n in weighing.family() if not has(name, n)]
+    others = [n for n in weighing.pool.nodes.values() if not has(name, n) and not contained(name, n)]
     plus = sorted(weighing.with_one_more(others), key=weighing.above_unpriced)
     near += [n for n in plus[:1] if weighing.above_unpriced(n) <= PLUS_GAP]
     for node in near:
