@@ -215,6 +215,15 @@ def against_scene(readings: Given, scene: Scene, problems: Problems | None = Non
     _check_slips(readings, noted, lines)
     if scene.tank is not None:
         _check_tank(readings, scene.tank, noted, lines)
+    least = scene.lamp.least_distance_m
+    for k in np.flatnonzero(readings.z_m < least).tolist():
+        noted.add(
+            "z_m is too near to where the light comes from",
+            place=lines[k],
+            found=readings.z_m[k].item(),
+            rule=f"at least {least:g}, twice -lamp.apparent_distance_m",
+            remedy="write an apparent_distance_m nearer to 0",
+        )
     if problems is None:
         noted.raise_any("does not fit the scene")
     quantity = readings.quantity or quantity

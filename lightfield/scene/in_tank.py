@@ -71,6 +71,29 @@ def cells_inside(
     return np.asarray(np.outer(in_y, in_x))
 
 
+def check_all_inside(detector: Detector, lamp: Lamp, follower: Follower | None, tank: Tank | None) -> None:
+    """Refuse what is outside the tank, and detectors nearer than where the light comes from.
+
+    Raises
+    ------
+    RuleError
+        See the checks.
+    """
+    if tank is not None:
+        check_inside(detector, tank)
+        check_lamp_inside(lamp, tank)
+        if follower is not None:
+            check_follower_inside(follower, tank)
+    places = detector.positions_m
+    nearest = min(detector.planes_m if places is None else [z for _, _, z in places])
+    if nearest < lamp.least_distance_m:
+        raise RuleError(
+            f"a detector at z = {nearest:g} is too near to a source at {-lamp.apparent_distance_m:g} m "
+            "(lamp.apparent_distance_m), at least twice as far is needed",
+            "move the detector away, or write an apparent_distance_m nearer to 0",
+        )
+
+
 def check_inside(detector: Detector, tank: Tank) -> None:
     """Refuse detectors outside the tank.
 

@@ -18,14 +18,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from lightfield.errors import RuleError, SceneError, brief
 from lightfield.scene.detector import Detector
 from lightfield.scene.follower import DetectorArray, Follower
-from lightfield.scene.in_tank import (
-    check_follower_inside,
-    check_inside,
-    check_lamp_inside,
-    plane_size_m,
-    room_for_lamp_m,
-    water_in,
-)
+from lightfield.scene.in_tank import check_all_inside, plane_size_m, room_for_lamp_m, water_in
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import (
     OWN_FIELD,
@@ -98,11 +91,7 @@ class Scene(Part):
 
     @model_validator(mode="after")
     def _all_is_in_the_tank(self) -> Scene:
-        if self.tank is not None:
-            check_inside(self.detector, self.tank)
-            check_lamp_inside(self.lamp, self.tank)
-            if self.follower is not None:
-                check_follower_inside(self.follower, self.tank)
+        check_all_inside(self.detector, self.lamp, self.follower, self.tank)
         return self
 
     @model_validator(mode="after")

@@ -34,6 +34,9 @@ FILES: dict[str, str | bytes] = {
     "long.toml": "[tank]\nlength_m = 1e30\n",
     "pixels.toml": "[detector]\npixels = 1000000\n",
     "outside.toml": "[tank]\nlength_m = 6\n",
+    "focus.toml": "[lamp]\napparent_distance_m = -1.0\n[detector]\nplanes_m = [1.9]\n",
+    "lens.toml": "[lamp]\napparent_distance_m = -1.0\n",
+    "near.csv": "z_m,value\n1.9,2\n4.5,1\n",
     "table.toml": '[lamp]\nprofile = "table"\nintensity_table = "folder"\n',
     "own.toml": '[[effect]]\nname = "rope"\nstage = "path"\nformula = "1 - a*x.real"\n'
     "[effect.parameters]\na = { range = [0.0, 1.0], neutral = 0.0 }\n",
@@ -86,6 +89,8 @@ WRONG: list[tuple[str, list[str]]] = [
     ("render long.toml", ["tank.length_m", "100000 (m)"]),
     ("render pixels.toml", ["detector.pixels", "4096"]),
     ("render outside.toml", ["[0, 0, 6.5]", "outside the tank"]),
+    ("render focus.toml", ["z = 1.9", "source at 1 m", "twice as far"]),
+    ("compare near.csv --scene lens.toml", ["line 2", "z_m", "found 1.9", "at least 2, twice -lamp"]),
     ("render table.toml", ["lamp.intensity_table", "folder"]),
     # options of a render
     ("render scene.toml --rel-error 0", ["found 0.0", "1e-5 to 1"]),

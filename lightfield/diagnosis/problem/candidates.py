@@ -132,6 +132,7 @@ class Setting:
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
             "extent": (max(far - near, _SHORTEST_RANGE_M), 0.0),
+            "nearest": (max(near, _SHORTEST_RANGE_M), 0.0),
             "spread": (self.spread_per_m, 0.0),
             "attenuation": (self.attenuation_per_m, 0.0),
         }[per]

@@ -26,6 +26,7 @@ Scale = Literal[
     "seconds",
     "range",
     "extent",
+    "nearest",
     "spread",
     "attenuation",
 ]
@@ -63,8 +64,9 @@ class Free:
         What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
         "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
-        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "extent" (from that to this), "spread" (of
-        the attenuation in the band, 1/m, as water may have it), "attenuation" (of the scene's water, 1/m).
+        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "extent" (from that to this), "nearest"
+        (distance of that), "spread" (of the attenuation in the band, 1/m, as water may have it),
+        "attenuation" (of the scene's water, 1/m).
     grid : tuple of float
         Start values of a shape parameter, one that means nothing while the amplitude is zero.
     inverse_square : bool

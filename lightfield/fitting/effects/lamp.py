@@ -22,10 +22,17 @@ EFFECTS = (
     Effect(
         "apparent_source",
         "path and attenuation",
-        (Form("point behind the window", (Free("lamp.apparent_distance_m", 0.0, 8.0, 0.3),)),),
+        (
+            Form("point behind the window", (Free("lamp.apparent_distance_m", 0.0, 8.0, 0.3),)),
+            Form(
+                "point in front of the window",
+                (Free("lamp.apparent_distance_m", -0.25, 0.0, 0.02, per="nearest"),),
+            ),
+        ),
         "The light diverges from a point behind the window (reflector, lens, or a wrong range scale), "
-        "so it falls more slowly than the inverse square of the distance from the window.",
-        "Far planes too bright and too narrow for the near ones.",
+        "so it falls more slowly than the inverse square of the distance from the window; from one in front "
+        "of it (a range scale that reads too long, a lens) it falls faster.",
+        "Far planes too bright and too narrow for the near ones, or too dark and too wide.",
         "Measure the beam radius at three ranges and extrapolate to zero; check the range scale's origin.",
         needs=("vary_z",),
     ),

@@ -212,7 +212,7 @@ def single_paths(
     water = (sin_psi + sin_chi) * longest
     # Squared sine of half the angle of emission: nothing cancels near the axis.
     squared = np.clip(np.sin(0.5 * beside) ** 2 + half_aside * sin_chi, 0, 1)
-    if apparent_distance_m > 0:
+    if apparent_distance_m:
         cosine = np.maximum(1 - 2 * squared, 1e-6)
         water = np.maximum(water - float(apparent_distance_m) / cosine, 0)
     return SinglePaths(4 * np.arcsin(np.sqrt(squared)) ** 2, weight, water, share)

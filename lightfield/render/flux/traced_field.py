@@ -131,7 +131,8 @@ def traced_field(
 def _check(scene: Scene, region: Region) -> None:
     box = scene.tank.box_m if scene.tank else ((-np.inf, np.inf),) * 3
     grid = region.grid()
-    inside = region.near_m > 0 and region.far_m > region.near_m and region.half_width_m > 0
+    near = region.near_m > scene.lamp.least_distance_m
+    inside = near and region.far_m > region.near_m and region.half_width_m > 0
     for cells, pitch, (low, high) in zip(
         (grid.x_m, grid.y_m, grid.z_m), (grid.pitch_x_m, grid.pitch_y_m, 0.0), box, strict=True
     ):

@@ -64,8 +64,10 @@ class Lamp(Part):
         0.0, "deg", "beam axis turned towards +y", Acts.BEAM, above=-90.0, below=90.0, neutral=0.0
     )
     apparent_distance_m: float = number(
-        0.0, "m", "distance behind the window from which the light seems to come",
-        Acts.BEAM | Acts.SOURCE, low=0.0, high=50.0, neutral=0.0,
+        0.0, "m",
+        "distance behind the window from which the light seems to come; below 0 in front of it, as where a "
+        "range scale reads too long",
+        Acts.BEAM | Acts.SOURCE, low=-1.0, high=50.0, neutral=0.0,
     )  # fmt: skip
     radius_m: float = number(
         0.0, "m", "radius of a uniformly bright window", Acts.SOURCE, low=0.0, high=5.0, neutral=0.0
@@ -118,6 +120,11 @@ class Lamp(Part):
         (), "[[time_s, ln of a factor], ...] on the lamp power: linear between, constant beyond",
         Acts.TIME, neutral=(), later=True,
     )  # fmt: skip
+
+    @property
+    def least_distance_m(self) -> float:
+        """Of places from the window, m: twice as far as a point in front of it from which the light comes."""
+        return max(-2 * self.apparent_distance_m, 0.0)
 
     @model_validator(mode="after")
     def _profile_has_its_parameters(self) -> Lamp:

@@ -103,12 +103,14 @@ def test_ellipse_turns_with_the_tilt() -> None:
         assert at(model, *(5 * direction)) == pytest.approx(0.5 * math.exp(-0.5) / 25)
 
 
-def test_apparent_source() -> None:
-    """Angle and inverse square from a point z0 behind the window; water only from the window on."""
-    model = scene(lamp__apparent_distance_m=2.0)
+@pytest.mark.parametrize("behind", [2.0, -0.4])
+def test_apparent_source(behind: float) -> None:
+    """Angle and inverse square from a point z0 behind the window, or in front of it; water only from the
+    window on."""
+    model = scene(lamp__apparent_distance_m=behind)
     x, z = 0.3, 4.5
-    r, theta = math.hypot(x, z + 2), math.degrees(math.atan2(x, z + 2))
-    water = r * z / (z + 2)
+    r, theta = math.hypot(x, z + behind), math.degrees(math.atan2(x, z + behind))
+    water = r * z / (z + behind)
     assert at(model, x, 0, z) == pytest.approx(math.exp(-LN2 * (theta / 3.81) ** 2 - 0.1 * water) / r**2)
 
 

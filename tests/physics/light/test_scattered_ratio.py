@@ -24,6 +24,7 @@ from lightfield.scene import Scene
     [
         ({}, 0.01),
         ({"water__scattering_per_m": 0.2, "lamp__apparent_distance_m": 2.5}, 0.01),
+        ({"lamp__apparent_distance_m": -0.1}, 0.01),
         ({"lamp__hwhm_deg": 5.0, "water__scattering_per_m": 0.7, "water__phase__g": 0.95}, 0.03),
         ({"lamp__profile": "super-gaussian", "lamp__shape_exponent": 4.0}, 0.03),
     ],

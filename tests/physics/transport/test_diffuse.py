@@ -117,6 +117,7 @@ CASES: dict[str, dict[str, Any]] = {
     "bright walls": {"tank.wall_albedo": 0.5},
     "surface": {"tank.surface_reflectance": 1.0},
     "apparent source": {"lamp.apparent_distance_m": 1.0},
+    "source in front of the window": {"lamp.apparent_distance_m": -0.1},
     "aside": {"lamp.offset_x_m": 0.03},
     "gradient": {"water.gradient_per_m2": 0.005},
     "layer": {"water.layer_absorption_per_m": 0.2},

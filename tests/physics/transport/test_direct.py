@@ -79,6 +79,7 @@ CASES: dict[str, dict[str, Any]] = {
     "elliptic and tilted": {"lamp": {"ellipticity": 1.5, "tilt_x_deg": 2.0}},
     "lopsided": {"lamp": {"asymmetry_x": 0.3, "asymmetry_y": -0.2, "shape_exponent": 4.0}},
     "apparent source": {"lamp": {"apparent_distance_m": 1.5, "tilt_x_deg": 1.0}},
+    "source in front of the window": {"lamp": {"apparent_distance_m": -0.4, "tilt_x_deg": 1.0}},
     "finite window": {"lamp": {"radius_m": 0.06}},
     "gradient": {"water": {"absorption_per_m": 0.2, "gradient_per_m2": 0.02}},
     "gradient in height": {

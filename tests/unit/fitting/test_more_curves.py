@@ -305,6 +305,21 @@ def test_a_thick_layer_is_told_by_its_thickness() -> None:
         assert one.value == pytest.approx(true, abs=3 * one.stderr) and one.stderr < 0.1 * true
 
 
+@pytest.mark.parametrize("too_long_m", [pytest.param(0.06, marks=pytest.mark.slow), 0.12])
+def test_a_range_scale_that_reads_too_long_is_a_source_in_front_of_the_window(too_long_m: float) -> None:
+    """Its zero lies behind the window: absorption and the rest are what they were."""
+    rng = np.random.default_rng(1)
+    z, x = (v.ravel() for v in np.meshgrid(np.linspace(1.5, 6.0, 6), np.linspace(-0.5, 0.5, 13)))
+    lit = light(x - 0.02, z - too_long_m)
+    table = noisy(lit + 0.01 * lit.max(), rng, x_m=x, z_m=z, time_s=20.0 * rng.permutation(z.size))
+    verdict = diagnose(table, believed(), diffuse=None, advise=False).verdict
+    assert set(verdict.best_set) == {"apparent_source", "beam_offset", "background"} == set(verdict.certain)
+    fitted = verdict.ladder[-1].parameters
+    for path, true in (("lamp.apparent_distance_m", -too_long_m), ("water.absorption_per_m", PER_M)):
+        assert fitted[path].value == pytest.approx(true, abs=3 * fitted[path].stderr), path
+        assert fitted[path].stderr < 0.2 * abs(true)
+
+
 def test_one_reading_for_each_distance_tells_no_gain_of_planes() -> None:
     z = np.linspace(4.5, 8.5, 30)
     table = noisy(light(0 * z, z), np.random.default_rng(0), x_m=0 * z, z_m=z)

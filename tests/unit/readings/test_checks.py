@@ -18,7 +18,8 @@ TANK = Tank(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_d
 
 
 def scene(tank=TANK, bands=((500, 550),), quantity="irradiance"):
-    return SimpleNamespace(tank=tank, detector=SimpleNamespace(bands_nm=bands, quantity=quantity))
+    detector, lamp = SimpleNamespace(bands_nm=bands, quantity=quantity), SimpleNamespace(least_distance_m=0.0)
+    return SimpleNamespace(tank=tank, detector=detector, lamp=lamp)
 
 
 def readings(**given) -> Readings:
