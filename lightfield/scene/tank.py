@@ -47,8 +47,9 @@ class Tank(Part):
         "none", "top: a lid like the walls, or a flat water surface", Acts.REFLECTION
     )
     surface_reflectance: float = number(
-        0.0, "1", "multiplies the Fresnel reflectance of the flat surface",
-        Acts.REFLECTION, low=0.0, high=1.0, neutral=0.0,
+        0.0, "1",
+        "multiplies the Fresnel reflectance of the flat surface: 1 for water, above it as its error has it",
+        Acts.REFLECTION, low=0.0, high=1.5, neutral=0.0,
     )  # fmt: skip
     surface_slope_deg: float = number(
         0.0, "deg",
