@@ -18,6 +18,7 @@ from lightfield.diagnosis.search.better_light.settled import is_nearly_explained
 from lightfield.diagnosis.search.cascade import Finding, search
 from lightfield.diagnosis.search.many import beyond_two, is_overtaken, leaves, levelled, misses_by_far
 from lightfield.diagnosis.search.pool.any_number import Data, Ends, never
+from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.small_sets import Fitted
@@ -288,6 +289,10 @@ def _settled_after(inquiry: Inquiry, found: Knowledge, progress: Progress) -> Kn
     """What was found, settled; more effects where better light takes one or two back."""
     known = _settled(inquiry, found, progress)
     finding = known.finding
+    if finding.cheaper is not None:
+        better = _from_there(inquiry, found, finding.cheaper, progress)
+        known = known if better is None else better
+        finding = known.finding
     if finding.size is None and (finding.many is None or not finding.many.sought):
         known = _beyond_two(inquiry, known, found.prepared, progress)
         known = _settled(inquiry, known, progress)
@@ -296,6 +301,13 @@ def _settled_after(inquiry: Inquiry, found: Knowledge, progress: Progress) -> Kn
         finding = replace(finding, many=None)
         finding = levelled(known.data_in_its_light, known.prepared, finding)
     return known.now(known.prepared, finding)
+
+
+def _from_there(inquiry: Inquiry, found: Knowledge, node: Node, progress: Progress) -> Knowledge | None:
+    """What any number of effects explain, from a set and in light traced there, settled; None for nothing."""
+    there = replace(found.prepared, explanation=node.explanation, reference=node.fit)
+    more = _beyond_two(inquiry, found, there, progress)
+    return _settled(inquiry, more, progress) if more.finding.accepted else None
 
 
 def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:

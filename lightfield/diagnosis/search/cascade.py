@@ -18,6 +18,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.own_judge import OwnErrors
 from lightfield.diagnosis.search.pool.any_number import Many
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
+from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at
 from lightfield.diagnosis.search.search_progress import SILENT, Progress
 from lightfield.diagnosis.search.small_sets import (
@@ -86,6 +87,8 @@ class Finding:
         The best set of any number of effects, and how sure each of them is.
     unknown : sequence of str
         Local unknowns that were sought like effects: they say where the rest is, and not what.
+    cheaper : Node, optional
+        A set that scatters and costs less than the answer, which does not, once it is settled.
     base_errors : mapping
         Standard errors by path of the base model, where it is the answer.
     errors_of_set : mapping
@@ -103,6 +106,7 @@ class Finding:
     in_part: bool = False
     many: Many | None = None
     unknown: Sequence[str] = ()
+    cheaper: Node | None = None
     base_errors: Mapping[str, float] = field(default_factory=dict)
     errors_of_set: Mapping[str, float] = field(default_factory=dict)
 

@@ -26,7 +26,7 @@ from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import under_own_errors, with_response_error
 from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.any_number import Data
-from lightfield.diagnosis.search.pool.evidence import Weighing
+from lightfield.diagnosis.search.pool.evidence import GAP, Weighing
 from lightfield.diagnosis.search.pool.fitted_sets import Node, begin_at
 from lightfield.diagnosis.search.preparation import Prepared, judged, prepare_about
 from lightfield.diagnosis.search.profile_likelihood import restarted
@@ -197,7 +197,8 @@ def _base(
 
 
 def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) -> Finding:
-    """The finding, where no effect is certain in whose place scattering does as well once it is settled.
+    """The finding, where no effect is certain in whose place scattering does as well once it is settled; and
+    the set with scattering that costs less than the answer, if there is one.
 
     A search that ends without scattering has compared sets with it by a trace of other water, by which they
     may cost tens more. Of the answer what is claimed is tried: scattering may do for the rest as well.
@@ -211,7 +212,7 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
     if node is None or more is None or not same or not isinstance(whiten, Whitener):
         return finding
     weighing, known = Weighing.of(pool, node), list(many.evidence)
-    claimed = [e.candidate for e in known if e.is_claimed]
+    claimed, cheaper = [e.candidate for e in known if e.is_claimed], list[Node]()
     for k, one in enumerate(known):
         kept = [c for c in claimed if c is not one.candidate]
         is_near = one.level == "certain" and named(one.candidate) and one.gap_named < _WITHIN
@@ -223,8 +224,12 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
         new = settle(problem, rival.explanation, rival.fit, whiten, seed)
         fit = restarted(new.problem, rival.explanation, new.fit, new.whiten)
         growth = new.whiten.log_determinant - whiten.log_determinant
-        known[k] = one.against(weighing, Node(rival.explanation, replace(fit, chi2=fit.chi2 + growth)))
-    return replace(finding, many=replace(many, evidence=known))
+        there = Node(rival.explanation, replace(fit, chi2=fit.chi2 + growth))
+        known[k] = one.against(weighing, there)
+        if weighing.above(there) < -GAP:
+            cheaper.append(there)
+    least = min(cheaper, key=weighing.above, default=None)
+    return replace(finding, many=replace(many, evidence=known), cheaper=least)
 
 
 def _simpler(problem: Problem, pair: Tried) -> list[Tried]:

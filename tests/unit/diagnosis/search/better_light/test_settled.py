@@ -228,7 +228,7 @@ def beside(several: Diagnosis, monkeypatch, slant: float, cheaper: bool = False)
     return before, settled(data_of(several), several.prepared, before, np.random.default_rng(0))[1]
 
 
-@pytest.mark.parametrize(("above", "level"), [(1.0, "one of"), (100.0, "certain")])
+@pytest.mark.parametrize(("above", "level"), [(-40.0, "one of"), (1.0, "one of"), (100.0, "certain")])
 def test_nothing_is_surer_than_settled_scattering_in_its_place_leaves_it(
     monkeypatch: pytest.MonkeyPatch, above: float, level: str
 ) -> None:
@@ -256,10 +256,40 @@ def test_nothing_is_surer_than_settled_scattering_in_its_place_leaves_it(
         monkeypatch.setattr(module, name, value)
     _, after = settled(data_of(found), found.prepared, found.finding, np.random.default_rng(0))
     assert after.many is not None and {e.level for e in after.many.evidence} == {level}
+    # What costs less is where the search goes on from.
+    assert (after.cheaper is not None) == (above < 0)
+    assert after.cheaper is None or "saturation" in after.cheaper.names
     names = many.best.names
     assert sorted(map(sorted, tried)) == sorted(sorted(names - {n} | {"saturation"}) for n in names)
     assert after.identified == (level == "certain")
     assert all((("saturation",) in e.alternatives) == (level == "one of") for e in after.many.evidence)
+
+
+def test_a_search_goes_on_from_a_set_with_scattering_that_costs_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Settled it may be far better than the search knew: what is found from there is the answer."""
+    table, scene = readings(
+        {"detector.background": 0.02, "lamp.tilt_x_deg": 0.8, "lamp.drift_per_hour": -0.1}
+    )
+    asked, beyond = [], stages.beyond_two
+
+    def settle(_: Data, prepared: Prepared, finding: Finding, *__: object) -> tuple[Prepared, Finding]:
+        assert finding.many is not None
+        least = None if asked else next(n for n in finding.many.pool.nodes.values() if len(n.names) == 2)
+        asked.append(least)
+        return prepared, replace(finding, cheaper=least)
+
+    def search(data: Data, prepared: Prepared, *rest: Any) -> tuple[Prepared, Finding]:
+        if asked:
+            assert prepared.explanation == asked[0].explanation and prepared.reference is asked[0].fit
+        return beyond(data, prepared, *rest)
+
+    monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
+    for name, value in (("settled", settle), ("beyond_two", search), ("with_scattering", lambda *_: None)):
+        monkeypatch.setattr(stages, name, value)
+    only = ["beam_tilt", "background", "lamp_drift", "saturation"]
+    verdict = diagnose(table, scene, only=only, advise=False).verdict
+    assert len(asked) == 2 and len(asked[0].names) == 2
+    assert set(verdict.certain) == {"beam_tilt", "background", "lamp_drift"}
 
 
 def test_beside_a_width_at_its_bound_nothing_is_certain(several: Diagnosis) -> None:
