@@ -139,7 +139,8 @@ def _is_number(value: object, kind: type) -> bool:
 
 
 def _is_list(value: object) -> bool:
-    return isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping))
+    """Are there several? A scene is one, though Pydantic lets its parts be iterated over."""
+    return isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping, Scene))
 
 
 def _listed(value: object) -> list[object]:

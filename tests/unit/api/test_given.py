@@ -52,6 +52,7 @@ WRONG = {
     "five photons for a map": (lambda: lf.render(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
     "five photons for distances": (lambda: lf.range(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
     "one scene for a list": (lambda: lf.follow(POOL, with_="a.toml"), "with_.*a list"),
+    "one scene itself for a list": (lambda: lf.follow(POOL, with_=POOL), "with_.*a list"),  # type: ignore[arg-type]
     "two scenes of one name": (lambda: lf.follow(POOL, with_=[POOL]), "with_.*two scenes of one name"),
     "an array named like the scene's": (
         lambda: lf.array.compare(POOL, {"a pool": POOL}),
@@ -86,6 +87,17 @@ def test_what_an_argument_does_not_take_is_one_error_that_names_it(case: str) ->
     call, said = WRONG[case]
     with pytest.raises(lf.LightfieldError, match=said):
         call()
+
+
+def test_a_scene_where_one_or_several_may_be_given_is_one() -> None:
+    def told(scene: lf.Scene | str | Sequence[lf.Scene | str]) -> object:
+        return scene
+
+    assert checked(told)(POOL) is POOL
+    assert checked(told)([POOL, "a.toml"]) == [POOL, "a.toml"]
+    table = lf.Readings.from_arrays(z_m=[1.0, 2.0], value=[1.0, 0.2])
+    found = lf.attenuation(table, POOL, trace=False)
+    assert found.to_xarray().attenuation.values == pytest.approx([np.log(5.0 / 4.0)])
 
 
 Tone = Literal["high", "low"]
