@@ -128,7 +128,7 @@ def working_range(
     trace : callable, optional
         `lightfield.render.diffuse.source.response_for`; None: direct light alone.
     readings : Readings, optional
-        Those in water on the axis are shown beside it.
+        Those of the first band in water on the lamp's axis are shown beside it.
     share : float
         Part of the light at the reference that must be left.
     noise : float
@@ -181,7 +181,7 @@ def working_range(
     )
     reaches = _reaches(dataset, fine, share, noise, snr)
     return WorkingRange(
-        dataset, reaches, _measured(readings, first), scene, share, noise, snr, known[0].array,
+        dataset, reaches, _measured(readings, scene, first), scene, share, noise, snr, known[0].array,
         known[0].nuisances,
     )  # fmt: skip
 
@@ -250,19 +250,19 @@ def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:
     return found
 
 
-def _measured(readings: Readings | None, reference_m: float) -> xr.Dataset | None:
-    """Readings in water on the axis over that at the reference; None where there are none."""
+def _measured(readings: Readings | None, scene: Scene, reference_m: float) -> xr.Dataset | None:
+    """Readings of the first band in water on the lamp's axis over that at the reference; None: none given."""
     if readings is None:
         return None
-    r = readings.usable()
-    on_axis = (r.medium == "water") & (np.hypot(r.x_m, r.y_m) <= _ON_AXIS * r.z_m)
+    r = _of_first_band(readings.usable(), scene)
+    on_axis = _from_axis_m(r, scene) <= _ON_AXIS * r.z_m
     z = np.unique(np.round(r.z_m[on_axis], 4))
     near = np.isclose(z, reference_m, atol=1e-3)
     if not near.any() or len(z) < 2:
         raise MeasurementError(
             "no readings to show", where=readings.source or None,
-            found=f"on the axis in water at {z.tolist()} m",
-            rule=f"some on the axis, among them at the reference, {reference_m:g} m",
+            found=f"on the lamp's axis in water, in the first band, at {z.tolist()} m",
+            rule=f"some there, among them at the reference, {reference_m:g} m",
             remedy="read there, or let the scene's first plane be a distance that was read",
         )  # fmt: skip
     value, error, half = np.zeros(len(z)), np.zeros(len(z)), np.full(len(z), np.nan)
@@ -270,17 +270,29 @@ def _measured(readings: Readings | None, reference_m: float) -> xr.Dataset | Non
         mine = on_axis & np.isclose(r.z_m, at, atol=1e-4)
         value[k] = r.value[mine].mean()
         error[k] = np.sqrt((np.nan_to_num(r.stderr[mine]) ** 2).sum()) / mine.sum() / value[k]
-        half[k] = _half_radius_read(r, at)
+        half[k] = _half_radius_read(r, scene, at)
     first = int(np.argmax(near))
     stderr = value / value[first] * np.where(near, 0.0, np.hypot(error, error[first]))
     columns = {"value": value / value[first], "stderr": stderr, "half_radius_m": half}
     return xr.Dataset({name: ("z_m", v) for name, v in columns.items()}, coords={"z_m": z})
 
 
-def _half_radius_read(r: Readings, z_m: float) -> float:
+def _of_first_band(r: Readings, scene: Scene) -> Readings:
+    """Readings in water of what the light is told of."""
+    low, high = scene.detector.bands_nm[0]
+    inside = np.isnan(r.wavelength_nm) | ((r.wavelength_nm >= low) & (r.wavelength_nm <= high))
+    return r.subset((r.medium == "water") & inside)
+
+
+def _from_axis_m(r: Readings, scene: Scene) -> Array:
+    """How far from the lamp's axis, shape (n,), m."""
+    return np.hypot(r.x_m - scene.lamp.offset_x_m, r.y_m - scene.lamp.offset_y_m)
+
+
+def _half_radius_read(r: Readings, scene: Scene, z_m: float) -> float:
     """Radius of half intensity by a line through ln(value) over radius squared; NaN from one radius."""
-    mine = (r.medium == "water") & np.isclose(r.z_m, z_m, atol=1e-4) & (r.value > 0)
-    rho2 = np.hypot(r.x_m, r.y_m)[mine] ** 2
+    mine = np.isclose(r.z_m, z_m, atol=1e-4) & (r.value > 0)
+    rho2 = _from_axis_m(r, scene)[mine] ** 2
     if not np.ptp(rho2) > 0:
         return float("nan")
     slope = -np.polyfit(rho2, np.log(r.value[mine]), 1)[0]

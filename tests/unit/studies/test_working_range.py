@@ -11,6 +11,7 @@ from montecarlo import least_p
 from scipy.optimize import brentq
 
 from lightfield.errors import LightfieldError, MeasurementError, RenderError, SceneError
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.flux.traced_field import Region, traced_field
@@ -271,6 +272,22 @@ def test_readings_stand_beside_it_with_the_error_of_the_reference(formula) -> No
     assert shown.half_radius_m.values[1] == pytest.approx(0.3 * np.sqrt(np.log(2) / np.log(2.3)))
     with pytest.raises(MeasurementError, match=r"among them at the reference, 4\.5 m"):
         working_range(scene(), None, readings.subset(readings.z_m > 5))
+
+
+def test_readings_are_taken_about_the_lamps_axis_and_in_its_first_band() -> None:
+    """A lamp 0.15 m aside in pure water; readings that are the closed form in blue, and in red besides."""
+    base = scene(
+        lamp={"hwhm_deg": 3.81, "offset_x_m": 0.15},
+        water={"base": "pure"},
+        detector={"planes_m": [4.5, 6.5, 8.5], "bands_nm": [[469.0, 471.0], [609.0, 611.0]]},
+    )
+    x, z, w = (v.ravel() for v in np.meshgrid([0.0, 0.15, 0.3], [4.5, 6.5, 8.5], [470.0, 610.0]))
+    value = direct_field(base, x, 0 * x, z, w)
+    table = Readings.from_arrays(x_m=x, z_m=z, wavelength_nm=w, value=value, stderr=0.01 * value)
+    found = working_range(base, None, table)
+    model = found.dataset.sel(z_m=found.readings.z_m)
+    np.testing.assert_allclose(found.readings.value, model.formula, rtol=1e-3)
+    np.testing.assert_allclose(found.readings.half_radius_m, model.half_radius_m, rtol=5e-3)
 
 
 def test_it_ends_before_the_tank_does() -> None:
