@@ -152,7 +152,7 @@ def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | floa
     """What the numbers mean, and what a simulator needs for the direct light in closed form."""
     at = middles_nm(scene)[0].mean(keepdims=True)
     low, high = (at_nm + scene.detector.wavelength_shift_nm for at_nm in scene.detector.bands_nm[0])
-    intensity = over_band(scene.lamp, low, high).intensity.mean() * (high - low)
+    intensity = over_band(lit(scene).lamp, low, high).intensity.mean() * (high - low)
     return {
         "Conventions": CONVENTIONS,
         "title": f"Light field of {scene.name or 'a lamp'}",

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.formula.own_formulas import lit
 from lightfield.scene import Scene
 from lightfield.scene.bands import first_band_w_per_sr
 from lightfield.studies import photocurrent
@@ -47,7 +48,7 @@ class SensorNoise:
         if scene.array is None:
             return cls()
         array = scene.array
-        intensity = first_band_w_per_sr(scene)
+        intensity = first_band_w_per_sr(lit(scene))
         square_metres = 1e-6 * array.element_area_mm2
         return cls(
             PERCENT * array.gain_mismatch_percent,

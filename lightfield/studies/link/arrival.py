@@ -78,6 +78,7 @@ class Colours(NamedTuple):
         UsageError
             The lamp sends nothing that is read in the band.
         """
+        scene = lit(scene)
         at, intensity = over_first_band(scene, PARTS)
         if not intensity.sum() > 0:
             low, high = scene.detector.bands_nm[0]

@@ -21,6 +21,7 @@ from scipy.optimize import brentq
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.formula.closed_form import refuse_pencil
+from lightfield.formula.own_formulas import lit
 from lightfield.progress import step
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -92,7 +93,7 @@ class Link:
     @property
     def in_band_w(self) -> float:
         """Radiant power of the lamp that is read in the first band, W."""
-        return Colours.of(self.scene).w_per_sr * solid_angle_sr(self.scene.lamp)
+        return Colours.of(self.scene).w_per_sr * solid_angle_sr(lit(self.scene).lamp)
 
     @property
     def docking_to_m(self) -> float:

@@ -12,8 +12,10 @@ from scipy.special import erfc
 
 from lightfield.errors import SceneError, UsageError
 from lightfield.report.link import link_page
+from lightfield.robots.field_file import Asked, field_dataset
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.link.receiver import Receiver
 from lightfield.studies.link.study import Link, link
 from lightfield.studies.link.text import as_data, as_text
@@ -106,6 +108,28 @@ def test_scattered_light_carries_data(murky) -> None:
     relative = float(at.power_stderr_w / at.power_w)
     assert 0 < relative < 0.05
     assert float(at.scattered_over_direct) == pytest.approx(4.3, abs=0.05 + 3 * 4.3 * 1.25 * relative)
+
+
+def test_a_formula_of_the_beam_shares_its_power_anew() -> None:
+    """I0 is the power over the integral of the beam that the formula makes, as a render has it."""
+    ring = {
+        "name": "ring", "stage": "source", "formula": "1 + a*theta/5",
+        "parameters": {"a": {"range": [0.0, 5.0], "neutral": 0.0, "value": 2.0}},
+    }  # fmt: skip
+    lamp = Scene.from_dict({**scene(0.2, 0.0).model_dump(), "effect": [ring], "array": {}})
+    theta = np.linspace(0.0, 0.5, 20001)
+    beam = np.exp(-np.log(2) * (theta / HALF) ** 2) * (1 + 2.0 * np.degrees(theta) / 5)
+    intensity = 10.0 / float(np.trapezoid(2 * np.pi * np.sin(theta) * beam, theta))
+    found, z = link(lamp, waters={}, to_m=12.0), 10.0
+    power = float(found.dataset.power_w.isel(water=0).interp(z_m=z))
+    assert power == pytest.approx(intensity * 13e-6 * np.exp(-0.2 * z) / z**2, rel=2e-3)
+    assert found.in_band_w == pytest.approx(10.0, rel=1e-4)
+    array = lamp.array
+    assert array is not None
+    current = array.responsivity_a_per_w * 1e-6 * array.element_area_mm2 * intensity
+    assert SensorNoise.of_scene(lamp).ampere == pytest.approx(current, rel=2e-3)
+    field = field_dataset(lamp, Asked(0.2, 4.0, 6.0), photons=0)
+    assert field.attrs["radiant_intensity_on_axis_w_per_sr"] == pytest.approx(intensity, rel=2e-3)
 
 
 def halogen_w(response=None, absorption=0.1, z_m=0.0) -> float:
