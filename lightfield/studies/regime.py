@@ -16,6 +16,7 @@ import xarray as xr
 
 from lightfield.arrays import Array, Mask
 from lightfield.scene import Scene
+from lightfield.scene.bands import refuse_unlit
 from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis
 from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
@@ -29,6 +30,8 @@ RECEIVERS: dict[str, dict[str, Any]] = {
 #: Relative errors of the formula up to which it is asked for.
 ERRORS = (0.05, 0.10, 0.25)
 DISTANCE_M, CELL_M = 5.0, 0.1
+#: A lamp on the axis along which it is asked about.
+AIMED = dict.fromkeys(("offset_x_m", "offset_y_m", "tilt_x_deg", "tilt_y_deg"), 0.0)
 RECEIVER = "receiver"
 
 
@@ -51,13 +54,24 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
     Parameters
     ----------
     scene : Scene
-        Lamp and phase function; tank, water coefficients and detector are replaced.
+        Lamp, phase function and first band; tank, water coefficients and detector are replaced, and the lamp
+        stands in the axis and looks along it.
+
+    Raises
+    ------
+    SceneError
+        The lamp gives no light in its bands.
     """
+    refuse_unlit(scene)
     parts = scene.model_dump(mode="json", exclude_none=True)
     parts |= {
+        "lamp": {**parts["lamp"], **AIMED},
         "water": {"phase": parts["water"]["phase"], "absorption_per_m": 0.1},
-        "detector": {"planes_m": [DISTANCE_M], "width_m": 3 * CELL_M, "pixels": 3},
-    }
+        "detector": {
+            "planes_m": [DISTANCE_M], "width_m": 3 * CELL_M, "pixels": 3,
+            "bands_nm": [scene.detector.bands_read_nm[0]],
+        },
+    }  # fmt: skip
     parts.pop("tank", None)
     receivers = {
         f"detector.{key}": tuple(receiver.get(key, default) for receiver in RECEIVERS.values())

@@ -3,9 +3,20 @@
 import numpy as np
 import pytest
 
+from lightfield.errors import SceneError
 from lightfield.report.regime import percent_text, regime_figure
 from lightfield.report.style import save_png
-from lightfield.studies.regime import AxisPoint, as_text, depth_within, regime_map, rows, undecided
+from lightfield.scene import Scene
+from lightfield.studies.regime import (
+    AxisPoint,
+    as_text,
+    depth_within,
+    regime_map,
+    regime_plan,
+    rows,
+    undecided,
+)
+from lightfield.sweep.sweep_plan import SweepSettings
 
 
 def lossless_scattering(depth, albedo, receiver):
@@ -37,6 +48,19 @@ def test_what_was_not_rendered_is_unknown():
     assert reach(0.06, nothing, nothing) == "< 0.1" and reach(0.01, 0.01, 0.01) == "> 0.5"
     share = np.log(5) / np.log(9)  # straight in both logarithms
     assert float(reach(0.01, 0.09, nothing)) == pytest.approx(0.1 * 2**share, abs=0.005)
+
+
+def test_the_lamp_stands_in_the_axis_that_is_asked_about_and_is_seen_in_its_band():
+    """Where it is in a tank, and how it is turned there, is no matter of where the formula holds."""
+    lamp = {"hwhm_deg": 4.0, "spectrum": "led-deep-red"}
+    turned = {**lamp, "offset_x_m": 0.4, "offset_y_m": -0.1, "tilt_x_deg": 6.0, "tilt_y_deg": 2.0}
+    red = {"detector": {"bands_nm": [[640.0, 680.0]]}}
+    plans = [regime_plan(Scene.from_dict({"lamp": one, **red}), SweepSettings()) for one in (turned, lamp)]
+    scenes = [plan.cases.scene for plan in plans]
+    assert scenes[0] == scenes[1]
+    assert scenes[0].detector.bands_nm == ((640.0, 680.0),)
+    with pytest.raises(SceneError, match=r"no light in the bands.*500-550 nm"):
+        regime_plan(Scene.from_dict({"lamp": lamp}), SweepSettings())
 
 
 def test_reach_is_where_the_error_crosses_the_level():
