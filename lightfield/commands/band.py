@@ -18,7 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
     parser.add_argument(
-        "--distances", metavar="A,B,...", help="in m (default: the scene's first and last plane)"
+        "--distances", metavar="A,B,...", help="in m (default: the scene's first and last plane or position)"
     )
     parser.add_argument("--width", type=float, default=50.0, metavar="NM", help="of the bands (default 50)")
     parser.add_argument("--between", default="400:700", metavar="LOW:HIGH", help="in nm (default 400:700)")

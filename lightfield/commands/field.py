@@ -23,10 +23,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--half-width", type=float, default=0.5, metavar="M", help="in x and y (default 0.5 m)"
     )
     export.add_argument(
-        "--from", dest="near", type=float, metavar="M", help="first distance (default: the first plane)"
+        "--from",
+        dest="near",
+        type=float,
+        metavar="M",
+        help="first distance (default: the first plane or position)",
     )
     export.add_argument(
-        "--to", dest="far", type=float, metavar="M", help="last distance (default: the last plane)"
+        "--to",
+        dest="far",
+        type=float,
+        metavar="M",
+        help="last distance (default: the last plane or position)",
     )
     export.add_argument(
         "--step", type=float, default=0.1, metavar="M", help="across the beam (default 0.1 m)"
@@ -44,11 +52,11 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.maps.dataset import write_netcdf
     from lightfield.robots.field_file import Asked, field_dataset
 
-    planes = scene.detector.planes_m
+    read = scene.detector.distances_m
     asked = Asked(
         args.half_width,
-        min(planes) if args.near is None else args.near,
-        max(planes) if args.far is None else args.far,
+        read[0] if args.near is None else args.near,
+        read[-1] if args.far is None else args.far,
         args.step,
     )
     with progress_of("field"):

@@ -31,7 +31,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--snr", type=float, default=10.0, metavar="K", help="signal over noise (default 10)")
     parser.add_argument(
-        "--to", type=float, metavar="M", help="farthest distance, m (default: twice the last plane)"
+        "--to",
+        type=float,
+        metavar="M",
+        help="farthest distance, m (default: twice the last plane or position)",
     )
     parser.add_argument(
         "--array", type=int, metavar="N",

@@ -256,9 +256,7 @@ def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator
         "water.absorption_per_m": scene.water.absorption_per_m * float(wrong[1]),
     }
     if scene.lamp.radius_m == 0:
-        single = scene.detector.positions_m
-        nearest = min(scene.detector.planes_m if single is None else [z for _, _, z in single])
-        changed["lamp.radius_m"] = min(WINDOW_M, WINDOW_PART * nearest)
+        changed["lamp.radius_m"] = min(WINDOW_M, WINDOW_PART * scene.detector.distances_m[0])
     return scene.with_values({**changed, **values})
 
 

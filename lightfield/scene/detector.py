@@ -128,6 +128,12 @@ class Detector(Part):
     )
 
     @property
+    def distances_m(self) -> tuple[float, ...]:
+        """Distances that are read, rising, m: of the planes, or of the single positions instead of them."""
+        single = self.positions_m
+        return self.planes_m if single is None else tuple(sorted({z for _, _, z in single}))
+
+    @property
     def bands_read_nm(self) -> tuple[tuple[float, float], ...]:
         """What is read where `bands_nm` are stated, by `wavelength_shift_nm`."""
         shift = self.wavelength_shift_nm

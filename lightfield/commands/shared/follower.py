@@ -14,7 +14,7 @@ def add_space(parser: argparse.ArgumentParser) -> None:
     """Declare where the follower may be, and how its light is traced."""
     parser.add_argument(
         "--half-width", type=float, default=0.4, metavar="M",
-        help="of the formation space in x and y (default 0.4 m); in z from the first to the last plane",
+        help="of the formation space in x and y (default 0.4 m); in z as far as the planes or positions",
     )  # fmt: skip
     parser.add_argument(
         "--medium", choices=("water", "air"), default="water",

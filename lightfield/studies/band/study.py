@@ -170,7 +170,7 @@ def best_band(
     traced : bool
         False: direct light alone, K = c.
     distances_m : sequence of float, optional, m
-        Default: the scene's first and last plane.
+        Default: the scene's first and last plane, or position.
     width_nm, low_nm, high_nm : float, nm
         Width of the bands, and where they may lie.
     response : str, optional
@@ -185,7 +185,8 @@ def best_band(
     SceneError
         A water, lamp or detector that is not known at these wavelengths, or in the paper's band.
     """
-    z = np.unique(np.asarray(distances_m or (scene.detector.planes_m[0], scene.detector.planes_m[-1]), float))
+    read = scene.detector.distances_m
+    z = np.unique(np.asarray(distances_m or (read[0], read[-1]), float))
     if not ((z > 0) & (z <= FARTHEST_M)).all():
         raise UsageError(
             "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"

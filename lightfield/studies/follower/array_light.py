@@ -90,9 +90,9 @@ class Space:
 
     @classmethod
     def of_scene(cls, scene: Scene, half_width_m: float = 0.4) -> Space:
-        """From the first to the last plane of a scene's detector."""
-        planes = scene.detector.planes_m
-        return cls(half_width_m, min(planes), max(planes))
+        """From the first to the last plane of a scene's detector, or position."""
+        read = scene.detector.distances_m
+        return cls(half_width_m, read[0], read[-1])
 
 
 def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, seed: int = 0) -> Light:

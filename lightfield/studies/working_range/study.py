@@ -123,8 +123,8 @@ def working_range(
     Parameters
     ----------
     scene : Scene
-        Its first plane is the reference; light is the mean over its first band. Its [array] and [follower]
-        say what reads and what is unknown; without, `ARRAY` and the defaults.
+        Its first plane, or position, is the reference; light is the mean over its first band. Its [array]
+        and [follower] say what reads and what is unknown; without, `ARRAY` and the defaults.
     trace : callable, optional
         `lightfield.render.diffuse.source.response_for`; None: direct light alone.
     readings : Readings, optional
@@ -152,7 +152,7 @@ def working_range(
     check_photons(photons)
     first, last = _ends(scene, to_m)
     nodes = _steps(first, last, _DISTANCES)
-    z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _planes(scene, last)]))
+    z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _read(scene, last)]))
     with step(0, 2, "light"):
         field, light = _field(scene, trace, nodes)
     plain, _ = _field(scene, None, nodes)
@@ -301,23 +301,24 @@ def _half_radius_read(r: Readings, scene: Scene, z_m: float) -> float:
 
 def _ends(scene: Scene, to_m: float | None) -> tuple[float, float]:
     """Nearest and farthest distance, m."""
-    first, end = scene.detector.planes_m[0], "as asked for"
-    last = _BEYOND * scene.detector.planes_m[-1] if to_m is None else to_m
+    read, end = scene.detector.distances_m, "as asked for"
+    first, key = read[0], "planes_m" if scene.detector.positions_m is None else "positions_m"
+    last = _BEYOND * read[-1] if to_m is None else to_m
     if to_m is None:
-        end = f"{_BEYOND:g} times the last plane"
+        end = f"{_BEYOND:g} times the last of them"
     if scene.tank is not None and last > (wall := scene.tank.box_m[2][1] - _BEFORE_WALL_M):
         last, end = wall, f"{_BEFORE_WALL_M:g} m before the end of the tank"
     if not (np.isfinite(last) and 1.1 * first < last <= FARTHEST_M):
-        planes = told(scene.detector, "planes_m")
+        listed = told(scene.detector, key) if key == "planes_m" else key
         raise SceneError(
             "no distances to compare",
-            found=f"from {first:g} m, the first of detector.{planes}, to {last:g} m, {end}",
-            rule=f"farther than the first plane by a tenth at least, at most {FARTHEST_M:g} m",
-            remedy="give detector.planes_m with a first plane that is nearer, or ask for a farther distance"
+            found=f"from {first:g} m, the first of detector.{listed}, to {last:g} m, {end}",
+            rule=f"farther than the first by a tenth at least, at most {FARTHEST_M:g} m",
+            remedy=f"give detector.{key} of which the first is nearer, or ask for a farther distance"
             if not last > FARTHEST_M
-            else "ask for a nearer distance, or give nearer detector.planes_m",
+            else f"ask for a nearer distance, or give nearer detector.{key}",
         )  # fmt: skip
-    remedy = "ask for a nearer distance, or give nearer detector.planes_m"
+    remedy = f"ask for a nearer distance, or give nearer detector.{key}"
     refuse_dark(scene, (first, last), remedy=remedy)
     return first, last
 
@@ -327,9 +328,10 @@ def _steps(first: float, last: float, count: int) -> Array:
     return (np.geomspace if last > _FAR * first else np.linspace)(first, last, count)
 
 
-def _planes(scene: Scene, last: float) -> Array:
-    planes = np.asarray(scene.detector.planes_m, float)
-    return planes[planes <= last]
+def _read(scene: Scene, last: float) -> Array:
+    """Distances of the scene's planes, or of its positions, as far as asked, m."""
+    read = np.asarray(scene.detector.distances_m, float)
+    return read[read <= last]
 
 
 def _check(**numbers: tuple[float, float, float]) -> None:
