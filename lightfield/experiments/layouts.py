@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -97,9 +98,17 @@ def layout_named(name: str | PathLike[str] | None, scene: Scene) -> str | Readin
 
 
 def places_of(table: Readings) -> dict[str, Array]:
-    """Where a table is read, in its order; several wavelengths at one place are one reading."""
-    rows = np.isnan(table.wavelength_nm) | (table.wavelength_nm == table.wavelength_nm[0])
-    return {name: getattr(table, name)[rows] for name in ("x_m", "y_m", "z_m", "medium")}
+    """Where a table is read, in its order; several wavelengths at one place are one reading.
+
+    A place is visited as often as one of its wavelengths stands there.
+    """
+    columns = {name: getattr(table, name) for name in ("x_m", "y_m", "z_m", "medium")}
+    places = zip(*(column.tolist() for column in columns.values()), strict=True)
+    times, visits = Counter[tuple[object, ...]](), dict[tuple[object, ...], int]()
+    for row, (place, colour) in enumerate(zip(places, np.nan_to_num(table.wavelength_nm), strict=True)):
+        times[place, colour] += 1
+        visits.setdefault((place, times[place, colour]), row)
+    return {name: column[list(visits.values())] for name, column in columns.items()}
 
 
 def table_at(

@@ -41,7 +41,14 @@ def _shadow(layout: Layout, rng: np.random.Generator) -> Drawn:
     depth, width = rng.uniform(0.1, 0.3), rng.uniform(0.05, 0.09)
     places = np.unique(layout.x_m)
     inner = places[(places > places.min() + 0.05) & (places < places.max() - 0.05)]
-    centre = float(rng.choice(inner[np.abs(inner) < 0.6 * np.abs(places).max()]))
+    inner = inner[np.abs(inner) < 0.6 * np.abs(places).max()]
+    if not inner.size:
+        raise UsageError(
+            "this effect cannot act here", found=f"{PREFIX}shadow: x from {places[0]:g} to {places[-1]:g} m",
+            rule="a place with others more than 5 cm to either side of it",
+            remedy="choose a layout that goes across the beam, such as line",
+        )  # fmt: skip
+    centre = float(rng.choice(inner))
     factor = 1 - depth * np.exp(-(((layout.x_m - centre) / width) ** 2))
     return factor, {"depth": depth, "width_m": width, "x_m": centre}
 

@@ -5,12 +5,23 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.errors import UsageError
 from lightfield.experiments.hide import Secret, draw_effect, hide, true_scene
 from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument
+from lightfield.experiments.unknowns import draw
 from lightfield.readings import Readings
 from lightfield.scene import Scene
+
+
+@pytest.mark.parametrize("x_m", [[0.0, 0.0, 0.0], [-0.02, 0.0, 0.02]])
+def test_no_shadow_falls_on_readings_that_are_not_across_the_beam(x_m: list[float]) -> None:
+    table = Readings.from_arrays(x_m=x_m, z_m=[1.0, 1.5, 2.0], value=np.ones(3))
+    with pytest.raises(UsageError, match=r"unknown:shadow: x from .*layout that goes across"):
+        draw("unknown:shadow", layout_of(table), np.random.default_rng(0))
 
 
 def test_water_clearer_than_its_base_stays_possible() -> None:

@@ -7,7 +7,8 @@ import pytest
 
 from lightfield.errors import UsageError
 from lightfield.experiments.hide import WINDOW_PART, true_scene
-from lightfield.experiments.layouts import LAYOUTS, positions, scan
+from lightfield.experiments.layouts import LAYOUTS, places_of, positions, scan
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 
@@ -45,6 +46,15 @@ def test_positions_that_the_scene_lists_are_the_layout() -> None:
         positions(scene, "line")
     nearest = true_scene(scene, {}, np.random.default_rng(0)).lamp.radius_m
     assert nearest == pytest.approx(WINDOW_PART * 1.0)
+
+
+def test_every_place_of_a_table_is_one_of_its_layout_whatever_is_read_there() -> None:
+    """One place in two colours, one twice in both, one in the second colour alone, one in no colour."""
+    rows = [(1.0, 470), (1.0, 610), (2.0, 470), (2.0, 610), (2.0, 470), (2.0, 610), (1.5, 610), (3.0, np.nan)]
+    z, colour = zip(*rows, strict=True)
+    when = [0.0, 0.0, 20.0, 20.0, 40.0, 40.0, 60.0, 80.0]
+    table = Readings.from_arrays(z_m=z, wavelength_nm=colour, time_s=when, value=np.ones(len(rows)))
+    assert places_of(table)["z_m"].tolist() == [1.0, 2.0, 2.0, 1.5, 3.0]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
