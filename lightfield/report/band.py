@@ -18,7 +18,7 @@ from lightfield.report.style import (
     percent_axis,
 )
 from lightfield.studies.band.study import FLAT, PAPER_BAND, WRONG, Bands
-from lightfield.studies.band.text import headline, rows, water_sentence
+from lightfield.studies.band.text import headline, rows, untold_sentences, water_sentence
 
 
 def band_figure(found: Bands, narrow: bool = False) -> Figure:
@@ -33,8 +33,8 @@ def band_figure(found: Bands, narrow: bool = False) -> Figure:
                 color=SERIES[k % len(SERIES)],
                 label=f"signal at {far:g} m",
             )
-        if not found.is_grey:
-            K = found.spectrum.attenuation.values[-1]
+        K = found.spectrum.attenuation.values[-1]
+        if not found.is_grey and K.min() > 0:
             left.plot(at, K.min() / K, color=MUTED, linestyle=(0, (2, 2)), label="least K over K")
         left.set_ylim(0, 1.05)
         percent_axis(left.yaxis)
@@ -44,7 +44,7 @@ def band_figure(found: Bands, narrow: bool = False) -> Figure:
         right.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
         K = row.attenuation.values
         for values, shade, words in (
-            *([] if found.is_grey else [(K.min() / K, FORMULA, "least attenuation")]),
+            *([] if found.is_grey or not K.min() > 0 else [(K.min() / K, FORMULA, "least attenuation")]),
             (row.signal.values, RENDER, "signal"),
             (row.information.values / row.information.values.max(), GOOD, "information about range"),
         ):
@@ -68,14 +68,16 @@ def band_page(found: Bands) -> str:
         "Signal and attenuation over wavelength, and the worth of bands", band_figure, found,
     )  # fmt: skip
     low, high = found.flat_nm()
-    paper = int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin())
-    wrong = found.bands.range_error_m.values[-1, paper]
-    flat = f"Attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm."
+    row = found.bands.isel(z_m=-1, low_nm=int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin()))
+    near = f"At {found.spectrum.z_m.values[0]:g} m attenuation"
+    flat = f"{near} is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm."
     text = (
         water_sentence(found),
         *([] if found.is_grey else [flat]),
-        f"With an attenuation {100 * WRONG:.0f} % wrong, a distance of {found.bands.z_m.values[-1]:g} m "
-        f"read from the size of a signal near 500 nm is {wrong:.2f} m off.",
+        *untold_sentences(found),
+        f"With an attenuation {100 * WRONG:.0f} % wrong, a distance of {float(row.z_m):g} m read from the "
+        f"size of a signal from {float(row.low_nm):g} to {float(row.high_nm):g} nm is "
+        f"{abs(float(row.range_error_m)):.2f} m off.",
     )
     table = Table(
         "500 to 550 nm, as in the tow tank experiment, against the best band (for attenuation: the least "

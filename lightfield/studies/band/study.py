@@ -59,7 +59,8 @@ class BestBand:
         One of `CRITERIA`.
     low_nm, high_nm : float
     paper_share : float
-        What the paper's band has of the best value (for attenuation: the best over the paper's).
+        What the paper's band has of the best value (for attenuation: the best over the paper's; NaN where the
+        least is not above nothing by its error, as where walls send back what the water takes).
     paper_share_stderr : float
         By the traced light.
     """
@@ -97,8 +98,16 @@ class Bands:
         """Is the water the same at all wavelengths, so that it has no best band?"""
         return is_grey(self.scene.water)
 
+    @property
+    def within_nm(self) -> tuple[float, float]:
+        """From where to where bands were compared, nm."""
+        return float(self.bands.low_nm.values[0]), float(self.bands.high_nm.values[-1])
+
     def flat_nm(self) -> tuple[float, float]:
-        """Wavelengths next to the clearest between which attenuation is within a quarter of the least, nm."""
+        """Wavelengths next to the clearest between which attenuation is within a quarter of the least, nm.
+
+        At the nearest distance.
+        """
         K, at = self.spectrum.attenuation.values[0], self.spectrum.wavelength_nm.values
         low = high = int(np.argmin(K))
         while low > 0 and K[low - 1] < FLAT * K.min():
@@ -316,9 +325,12 @@ def _best(bands: xr.Dataset, width: float) -> list[BestBand]:
             values, K, error = (row[n].values for n in (name, "attenuation", "attenuation_stderr"))
             own, paper = values[:-1], values[-1]
             best = int(np.argmin(own) if name == "attenuation" else np.argmax(own))
-            share = float(own[best] / paper if name == "attenuation" else paper / own[best])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                share = float(own[best] / paper if name == "attenuation" else paper / own[best])
             # Traced light errs alike in all bands: the difference is left of it.
-            if name == "attenuation":
+            if name == "attenuation" and not (K[best] > error[best] and K[-1] > 0):
+                share = stderr = float("nan")
+            elif name == "attenuation":
                 stderr = share * abs(float(error[best] / K[best] - error[-1] / K[-1]))
             else:
                 stderr = share * abs(float(K[best] - K[-1])) * float(z * error[best] / K[best])

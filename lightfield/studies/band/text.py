@@ -6,8 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from lightfield.arrays import jsonable
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.band.study import CRITERIA, FLAT, PAPER_BAND, Bands
+
+#: A share of an attenuation that is none.
+UNTOLD = "no share to tell"
 
 
 def as_text(found: Bands) -> str:
@@ -16,10 +20,12 @@ def as_text(found: Bands) -> str:
     lines = [headline(found), ""]
     for row in rows(found):
         lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} 500 to 550 nm has {row[3]}")
+    lines += untold_sentences(found)
     lines.append(water_sentence(found))
     if not found.is_grey:
         lines.append(
-            f"attenuation is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm"
+            f"at {found.spectrum.z_m.values[0]:g} m attenuation is within {100 * (FLAT - 1):.0f} % of its "
+            f"least from {low:g} to {high:g} nm"
         )
     return "\n".join(lines)
 
@@ -32,13 +38,14 @@ def headline(found: Bands) -> str:
             "differs between bands is the lamp and the detector alone. State its spectrum in [water]: "
             'base = "pure" or a preset, absorption_at, or chlorophyll, CDOM and sediment.'
         )
+    low, high = found.within_nm
     far = [b for b in found.best if b.z_m == found.best[-1].z_m]
     signal = next(b for b in far if b.criterion == "signal")
     wide = "" if found.width_nm == PAPER_BAND[1] - PAPER_BAND[0] else " (50 nm wide)"
     return (
         f"In the scene's water 500 to 550 nm{wide} has {100 * signal.paper_share:.0f} % of the best signal "
-        f"of any band {found.width_nm:g} nm wide at {signal.z_m:g} m; the best is {signal.low_nm:g} to "
-        f"{signal.high_nm:g} nm."
+        f"of any band {found.width_nm:g} nm wide from {low:g} to {high:g} nm at {signal.z_m:g} m; the best "
+        f"is {signal.low_nm:g} to {signal.high_nm:g} nm."
     )
 
 
@@ -59,6 +66,16 @@ def water_sentence(found: Bands) -> str:
     )
 
 
+def untold_sentences(found: Bands) -> list[str]:
+    """Why shares of an attenuation are not told."""
+    if found.is_grey or not any(np.isnan(b.paper_share) for b in found.best):
+        return []
+    return [
+        f"{UNTOLD[:1].upper()}{UNTOLD[1:]}: where it is least, attenuation is above 0 by no more than its "
+        "error (walls send back what the water takes, or too few photons tell)."
+    ]
+
+
 def rows(found: Bands) -> list[list[str]]:
     """Distance, criterion, best band, what the paper's band has of the best, as text."""
     return [
@@ -66,7 +83,9 @@ def rows(found: Bands) -> list[list[str]]:
             f"{b.z_m:g} m",
             CRITERIA[b.criterion],
             f"{b.low_nm:g}–{b.high_nm:g} nm",
-            f"{100 * b.paper_share:.0f} ± {max(100 * b.paper_share_stderr, 0.1):.1f} %",
+            f"{100 * b.paper_share:.0f} ± {max(100 * b.paper_share_stderr, 0.1):.1f} %"
+            if np.isfinite(b.paper_share)
+            else UNTOLD,
         ]
         for b in found.best
         if not (found.is_grey and b.criterion == "attenuation")  # all bands alike
@@ -76,7 +95,7 @@ def rows(found: Bands) -> list[list[str]]:
 def as_data(found: Bands) -> dict[str, Any]:
     """The answer for programs."""
     return {
-        "best": [vars(b) for b in found.best],
+        "best": [{name: jsonable(value) for name, value in vars(b).items()} for b in found.best],
         "grey_water": found.is_grey,
         "width_nm": found.width_nm,
         "flat_nm": list(found.flat_nm()),

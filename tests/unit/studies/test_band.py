@@ -15,6 +15,7 @@ from lightfield.scene import Scene, Tank
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.spectral.detector_response import SILICON
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.band import study
 from lightfield.studies.band.study import CountNoise, best_band
 from lightfield.studies.band.text import as_data, as_text
 
@@ -162,6 +163,32 @@ def test_distances_lie_in_the_tank() -> None:
     short = Scene.from_dict({"tank": {"length_m": 9.0}, "water": {"absorption_per_m": 0.1}})
     with pytest.raises(UsageError, match="outside the tank"):
         best_band(short)
+
+
+def test_where_nothing_is_lost_there_is_no_share_of_an_attenuation(monkeypatch) -> None:
+    """Between bright walls K may be 0 within its error, or below: no per cent of it, and no error below 0."""
+    transmitted = study._transmitted
+
+    def between_walls(*given):
+        light, K, error = transmitted(*given)
+        return light, K - 0.05, error + 0.02
+
+    monkeypatch.setattr(study, "_transmitted", between_walls)
+    found = best_band(scene(), False)
+    assert np.isnan(best(found, 8.5, "attenuation").paper_share)
+    assert as_data(found)["best"][3]["paper_share"] is None
+    line = next(line for line in as_text(found).splitlines() if "8.5 m  least attenuation" in line)
+    assert line.endswith("has no share to tell") and "No share to tell: where it is least" in as_text(found)
+    assert all(b.paper_share_stderr >= 0 for b in found.best if np.isfinite(b.paper_share))
+    assert band_page(found).count("No share to tell: ") == 1
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_sentences_name_the_bands_and_the_distance_that_they_speak_of() -> None:
+    red = best_band(scene(), False, low_nm=600.0, high_nm=700.0)
+    assert "any band 50 nm wide from 600 to 700 nm at 8.5 m" in as_text(red)
+    assert "read from the size of a signal from 600 to 650 nm is" in band_page(red)
+    assert "at 4.5 m attenuation is within 25 % of its least from " in as_text(red)
 
 
 @pytest.mark.usefixtures("undrawn")
