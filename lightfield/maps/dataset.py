@@ -17,7 +17,7 @@ from lightfield import __version__
 from lightfield.arrays import Array
 from lightfield.errors import OutputError
 from lightfield.maps.colour import linear_rgb
-from lightfield.maps.exr import Attribute, SpectralImage, write_spectral_exr
+from lightfield.maps.exr import Attribute, SpectralImage, plane_names, write_spectral_exr
 from lightfield.render.response.grid import Grid
 from lightfield.scene import Scene
 from lightfield.storage.files import MAKE_ROOM, atomic_path
@@ -307,15 +307,13 @@ def plane_image(dataset: xr.Dataset, plane: int, common_scale: float | None = No
 
 
 def write_exr_planes(dataset: xr.Dataset, folder: str | os.PathLike[str]) -> list[Path]:
-    """One spectral EXR per plane, named after quantity and distance: `irradiance_z4.500m.exr`."""
+    """One spectral EXR per plane, named after quantity and distance, see `exr.plane_names`."""
     quantity = dataset.attrs["quantity"]
     values = np.nan_to_num(dataset[quantity].values)  # [n_wavelength, n_plane, n_y, n_x]
     scale = float(linear_rgb(values, dataset.wavelength_nm.values.astype(float)).max(initial=0.0))
     return [
-        write_spectral_exr(
-            Path(folder) / f"{quantity}_z{float(z):.3f}m.exr", plane_image(dataset, index, scale or None)
-        )
-        for index, z in enumerate(dataset.z_m)
+        write_spectral_exr(Path(folder) / name, plane_image(dataset, index, scale or None))
+        for index, name in enumerate(plane_names(quantity, dataset.z_m.values.tolist()))
     ]
 
 

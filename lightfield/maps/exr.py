@@ -33,6 +33,8 @@ LAYOUT_VERSION = "1.0"
 ERROR_LAYER, COMMON_LAYER = "stderr.", "common."
 OURS = "lightfield."
 ORIENTATION = "seen from behind the plane towards the lamp (-z): first row is +y, columns run with +x"
+#: Digits of a distance in m.
+_MILLIMETRE, _FINEST = 3, 16
 _CHANNEL = re.compile(r"^(stderr\.)?S0\.(\d+(?:,\d+)?)nm$")
 
 
@@ -63,6 +65,23 @@ class SpectralImage:
     response: Mapping[float, tuple[Sequence[float], Sequence[float]]] = field(default_factory=dict)
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
     common_scale: float | None = None
+
+
+def plane_names(what: str, z_m: Sequence[float]) -> list[str]:
+    """A file for every plane, `irradiance_z4.500m.exr`: to the millimetre, finer where planes lie closer.
+
+    Parameters
+    ----------
+    what : str
+        Which they show.
+    z_m : sequence of float, m
+        Each once.
+    """
+    for digits in range(_MILLIMETRE, _FINEST):
+        names = [f"{what}_z{z:.{digits}f}m.exr" for z in z_m]
+        if len(set(names)) == len(names):
+            break
+    return names
 
 
 def channel_name(wavelength_nm: float) -> str:

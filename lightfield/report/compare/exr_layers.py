@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from lightfield.maps.colour import spectrum_to_rgb
-from lightfield.maps.exr import write_layers_exr
+from lightfield.maps.exr import plane_names, write_layers_exr
 from lightfield.studies.compare.maps import Comparison
 
 
@@ -18,7 +18,8 @@ def write_layers(comparison: Comparison, folder: Path) -> list[Path]:
     where no light was rendered), each with a channel a wavelength, as `render.525nm`; R, G, B: the render.
     """
     written = []
-    for z_m in sorted({plane.z_m for plane in comparison.planes}):
+    distances = sorted({plane.z_m for plane in comparison.planes})
+    for name, z_m in zip(plane_names("compare", distances), distances, strict=True):
         planes = [plane for plane in comparison.planes if plane.z_m == z_m]
         layers = {}
         for plane in planes:
@@ -33,5 +34,5 @@ def write_layers(comparison: Comparison, folder: Path) -> list[Path]:
             "quantity": comparison.quantity, "units": comparison.units, "plane_z_m": float(z_m),
             "layers": "render, stderr, formula in units; error = formula / render - 1",
         }  # fmt: skip
-        written.append(write_layers_exr(folder / f"compare_z{z_m:.3f}m.exr", layers, about, preview))
+        written.append(write_layers_exr(folder / name, layers, about, preview))
     return written

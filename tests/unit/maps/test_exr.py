@@ -18,6 +18,7 @@ from lightfield.maps.dataset import to_dataset, write_exr_planes
 from lightfield.maps.exr import (
     SpectralImage,
     channel_name,
+    plane_names,
     read_spectral_exr,
     write_rgb_exr,
     write_spectral_exr,
@@ -48,6 +49,11 @@ def image():
 @pytest.fixture
 def file(tmp_path, image):
     return write_spectral_exr(tmp_path / "plane.exr", image)
+
+
+def test_planes_closer_than_a_millimetre_have_files_of_their_own():
+    assert plane_names("irradiance", [4.5, 10.25]) == ["irradiance_z4.500m.exr", "irradiance_z10.250m.exr"]
+    assert plane_names("x", [0.2001, 0.2004]) == ["x_z0.2001m.exr", "x_z0.2004m.exr"]
 
 
 def test_channel_names_have_a_decimal_comma_and_six_decimals():
