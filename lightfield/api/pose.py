@@ -73,9 +73,12 @@ class Bias(OverAxes[biases.BiasStudy], ToldByDetails[biases.BiasStudy]):
 
     @property
     def headline(self) -> str:
-        worst = float(np.abs(self.details.plane.bias_z.values).max())
+        told = biases.told_bias(self.details.plane, "z")
         own = self.details.scene.water.scattering_per_m
-        return f"In water that scatters {own:g} 1/m the formula is up to {worst:.2f} m wrong along the beam"
+        wrong = (
+            f"is up to {float(np.abs(told).max()):.2f} m wrong" if told.notnull().any() else "tells nothing"
+        )
+        return f"In water that scatters {own:g} 1/m the formula {wrong} along the beam"
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Believed less true distance against scattering, at the first distance, a line per calibration."""

@@ -34,7 +34,7 @@ from lightfield.studies.follower.array_light import (
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.information import NOTHING_M, is_told
+from lightfield.studies.follower.information import NOTHING_M, inverse, is_told
 from lightfield.studies.follower.pose_search import find_minima
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.light_at import refuse_dark
@@ -101,7 +101,8 @@ class Belief:
     pose, believed : array, shape (6,), m and rad
     gain : float
     covariance : array, shape (n, n), m and rad
-        Spread of the estimates by noise about `believed`, of the coordinates `names`.
+        Spread of the estimates by noise about `believed`, of the coordinates `names`; infinite on its
+        diagonal, and zero beside it, where the readings tell nothing.
     trace_sigma : array, shape (n,), m and rad
         Standard error of the bias that the trace's readings have; not that of a K fitted to them.
     misfit : float
@@ -163,7 +164,10 @@ def _spread(
     names: Sequence[str],
     prior: float,
 ) -> tuple[Array, Array]:
-    """A^-1 B A^-1 of the pose, with the logarithm of the gain unknown where it is sought; and A^-1 J^T W."""
+    """A^-1 B A^-1 of the pose, with the logarithm of the gain unknown where it is sought; and A^-1 J^T W.
+
+    Infinite of what readings of so few elements do not tell at all.
+    """
     at, free = [POSE.index(name) for name in names], prior > 0
     size = len(at) + free
 
@@ -194,7 +198,11 @@ def _spread(
         b[-1, -1] += prior**-2.0
     back = np.linalg.pinv(0.5 * (a + a.T), hermitian=True)
     lever = back @ (slopes[0] * weight[:, None]).T
-    return (back @ b @ back)[: len(at), : len(at)], lever[: len(at)]
+    spread = (back @ b @ back)[: len(at), : len(at)]
+    untold = ~np.isfinite(np.diag(inverse(b)))[: len(at)]
+    spread[untold, :] = spread[:, untold] = 0.0
+    spread[untold, untold] = np.inf
+    return spread, lever[: len(at)]
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,17 @@ def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
     assert np.abs(found.bias[:3]).max() > 5 * sigma[0]  # there is something to see
 
 
+def test_four_readings_do_not_tell_five_coordinates() -> None:
+    """By their sum the distance, if the gain is known; without it nothing. As the bound has it."""
+    model, pose = ArrayModel(FormulaLight(SCENE), grid((2, 2), 0.2)), np.array([0, 0, 6.0, 0, 0, 0])
+    for prior, told in ((0.0, [False, False, True, False, False]), (np.inf, [False] * 5)):
+        nuisances = {"gain": UNKNOWN} if prior else {}
+        known = bound(model, pose, FIVE, NOISE, nuisances).covariance
+        spread = belief(model, model, pose, FIVE, NOISE, prior).covariance
+        assert np.isfinite(np.diag(known)).tolist() == np.isfinite(np.diag(spread)).tolist() == told
+        assert spread[2, 2] == pytest.approx(known[2, 2], rel=1e-3)
+
+
 def test_the_right_model_has_no_bias_and_the_spread_of_the_bound() -> None:
     model = ArrayModel(FormulaLight(SCENE), HEMISPHERE)
     for prior in (0.0, np.inf):
