@@ -8,7 +8,7 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
-from lightfield.commands.shared.answer import outputs_of
+from lightfield.commands.shared.answer import outputs_of, write_json
 from lightfield.commands.shared.options import add_option, effects_asked
 from lightfield.commands.shared.progress import stage_line
 from lightfield.diagnosis.verdict.verdict import json_schema
@@ -101,6 +101,10 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     except KeyboardInterrupt:
         # What is known is not lost: a long search may have found enough.
         print(f"{found.as_text()}\nnot rendered afresh" if found else so_far.as_text())
+        known = found.verdict.model_copy(update={"interrupted": True}) if found else None
+        data = so_far.as_data() if known is None else known.model_dump(mode="json")
+        if args.json and data:
+            write_json(data, args.json)
         raise
     if args.output:
         command = f"diagnose {args.data.name} --scene {args.scene.name}"

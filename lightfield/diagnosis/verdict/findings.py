@@ -86,6 +86,9 @@ class Findings(Record):
     set_aside: list[SetAside] = Field(default_factory=list, description="outliers, farthest first; saturated")
     readings: int
     several_wavelengths: bool = False
+    interrupted: bool = Field(
+        False, description="stopped by hand before the explained scene was rendered afresh"
+    )
     run: int = Field(1, description="how many diagnoses and comparisons of these readings the ledger holds")
     seed: int = 0
     lightfield_version: str = ""

@@ -87,10 +87,13 @@ def test_what_was_found_is_told_where_the_fresh_render_is_stopped(folder: Path, 
 
     monkeypatch.setattr("lightfield.diagnosis.diagnose.Diagnosis.rendered", stopped)
     run = f"diagnose {folder}/set/data.csv --scene {folder}/scene.toml --effects beam_tilt,beam_offset"
-    assert cli.main(run.split()) == 130
+    assert cli.main([*run.split(), "--json", f"{folder}/stopped.json"]) == 130
     said = capsys.readouterr()
     assert said.out.startswith("Beam tilt is missing in the model")
     assert said.out.endswith("not rendered afresh\n")
+    verdict = json.loads((folder / "stopped.json").read_text())
+    jsonschema.validate(verdict, json_schema())
+    assert verdict["interrupted"] and verdict["effects"] == ["beam_tilt"]
 
 
 def _fit(folder: Path, capsys, *more: str) -> dict:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import isnan
+from typing import Any
 
+from lightfield.arrays import jsonable
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.verdict.ladder import bright, percent
@@ -77,6 +79,22 @@ class SoFar:
             f"  error {_percent(best.error_percent)} with {names}{base}",
         ]
         return "\n".join([*lines, *(f"  {_effect(c, best)}" for c in best.explanation)])
+
+    def as_data(self) -> dict[str, Any]:
+        """The same for programs: no verdict, as `interrupted` says; {} where nothing was fitted yet."""
+        if self.best is None:
+            return {}
+        best = self.best
+        return {
+            "interrupted": True,
+            "sets_tried": self.sets,
+            "best_so_far": {
+                "effects": [c.name for c in best.explanation],
+                "error_percent": jsonable(best.error_percent),
+                "error_percent_without": jsonable(self._base_percent),
+                "parameters": {path: float(value) for path, value in best.fit.values.items()},
+            },
+        }
 
 
 def _percent(error: float) -> str:

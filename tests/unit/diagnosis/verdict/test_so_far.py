@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -45,8 +46,14 @@ def test_stopped_it_leaves_the_best_set(tmp_path: Path, capsys, monkeypatch) -> 
     believed.save(tmp_path / "scene.toml")
     monkeypatch.setattr(course, "levelled", stopped)
     run = f"diagnose {tmp_path}/data.csv --scene {tmp_path}/scene.toml --effects beam_offset,background"
-    assert cli.main([*run.split(), "--no-trace"]) == 130
+    assert cli.main([*run.split(), "--no-trace", "--json", f"{tmp_path}/v.json"]) == 130
     said = capsys.readouterr()
     assert said.err.endswith("lightfield: interrupted\n")
     assert "Stopped after" in said.out and "effects may do as well" in said.out
     assert " % with background" in said.out
+    written = json.loads((tmp_path / "v.json").read_text())
+    assert written["interrupted"] and "verdict" not in written
+    best = written["best_so_far"]
+    assert best["effects"] == ["background"] and best["error_percent"] < best["error_percent_without"]
+    assert f"detector.background = {best['parameters']['detector.background']:.4g}" in said.out
+    assert f"Stopped after {written['sets_tried']} sets" in said.out
