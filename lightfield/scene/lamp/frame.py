@@ -89,6 +89,16 @@ def beam_axes(lamp: Lamp) -> tuple[Axis, Axis, Axis]:
     return right, up, (ax / full, ay / full, 1.0 / full)
 
 
+def axis_at(lamp: Lamp, z_m: Array) -> tuple[Array, Array]:
+    """Where the beam's axis meets planes, x and y, m, each of the shape of `z_m`.
+
+    It begins where the light seems to come from, see `formula.path.rays`.
+    """
+    ux, uy, uz = beam_axes(lamp)[2]
+    way = z_m + lamp.apparent_distance_m
+    return lamp.offset_x_m + ux / uz * way, lamp.offset_y_m + uy / uz * way
+
+
 def beam_angles(lamp: Lamp, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
     """Angles about the beam's axis, see `angles_about_axis`, of directions given in the frame of the tank.
 

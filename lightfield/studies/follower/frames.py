@@ -17,7 +17,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene import Follower, Lamp
-from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.lamp.frame import axis_at
 from lightfield.studies.follower.elements import Elements
 
 POSE = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -42,9 +42,8 @@ def pose_of(f: Follower) -> Array:
 
 def poses_on_axis(lamp: Lamp, z_m: Array) -> Array:
     """Poses at rest where the beam's axis is at these distances, m and rad, shape (n, 6)."""
-    ux, uy, uz = beam_axes(lamp)[2]
     poses = np.zeros((len(z_m), 6))
-    poses[:, :3] = np.stack([lamp.offset_x_m + ux / uz * z_m, lamp.offset_y_m + uy / uz * z_m, z_m], axis=1)
+    poses[:, :3] = np.stack([*axis_at(lamp, z_m), z_m], axis=1)
     return poses
 
 

@@ -27,7 +27,7 @@ from lightfield.render.response.grid import COMPONENTS, Grid
 from lightfield.render.response.response import TransportResponse
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
-from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.lamp.frame import axis_at
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import hardening_depth
@@ -265,16 +265,11 @@ def _ratio(away: Array, along: Array, tangent: float) -> Array:
 def terms(scene: Scene, frame: Frame, place_m: Array, count: tuple[int, int]) -> Array:
     """Chebyshev polynomials at places, shape (n, n_terms)."""
     x, y, z = place_m.T
-    x0, y0 = _axis(scene, z)
+    x0, y0 = axis_at(scene.lamp, z)
     near, far, tangent, _ = frame
     along = 2 * (z - near) / (far - near) - 1
     aside = 2 * ((x - x0) ** 2 + (y - y0) ** 2) / (tangent * z) ** 2 - 1
     return np.asarray(chebyshev.chebvander2d(along, aside, [n - 1 for n in count]))
-
-
-def _axis(scene: Scene, z_m: Array) -> tuple[Array, Array]:
-    lamp, (ux, uy, uz) = scene.lamp, beam_axes(scene.lamp)[2]
-    return lamp.offset_x_m + ux / uz * z_m, lamp.offset_y_m + uy / uz * z_m
 
 
 def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, photons: float) -> SmoothLight:
@@ -320,7 +315,7 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
 def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) -> FittedCells:
     """The cells within the frame, and the least squares of the polynomials over them."""
     x, y, z = (v.ravel() for v in grid.centres())
-    x0, y0 = _axis(scene, z)
+    x0, y0 = axis_at(scene.lamp, z)
     radius = np.hypot(x - x0, y - y0)
     inside = radius <= np.minimum(frame.tangent * z, frame.radius_m)
     place, lamp = np.stack([x, y, z], axis=1)[inside], scene.lamp
@@ -340,5 +335,4 @@ def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) 
 
 def _aside(scene: Scene, z_m: float) -> float:
     """How far the beam's axis is from the tank's, m, as far as there."""
-    lamp, (ux, uy, uz) = scene.lamp, beam_axes(scene.lamp)[2]
-    return float(max(abs(lamp.offset_x_m) + abs(ux / uz) * z_m, abs(lamp.offset_y_m) + abs(uy / uz) * z_m))
+    return float(np.abs(axis_at(scene.lamp, np.array([0.0, z_m]))).max())

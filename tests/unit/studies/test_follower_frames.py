@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from lightfield.scene import Follower, Tank
+from lightfield.formula.closed_form import direct_field
+from lightfield.scene import Follower, Scene, Tank
 from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import (
@@ -16,6 +17,7 @@ from lightfield.studies.follower.frames import (
     lamp_seen,
     placed,
     pose_of,
+    poses_on_axis,
     rotations,
 )
 
@@ -32,6 +34,18 @@ FORWARD, STARBOARD = np.array([0, 0, -1.0]), np.array([1.0, 0, 0])
 )
 def test_positive_angles(angles: tuple[float, float, float], axis: np.ndarray, goes_to: list[float]) -> None:
     np.testing.assert_allclose(rotations(np.array(angles)) @ axis, goes_to, atol=1e-15)
+
+
+def test_a_beam_is_brightest_on_its_axis_from_where_its_light_seems_to_come() -> None:
+    """Tilted by 6 degrees about a point 2 m behind its window: the angle from the axis is 0 there alone."""
+    turned = {"hwhm_deg": 2.0, "tilt_x_deg": 6.0, "tilt_y_deg": -3.0}
+    lamp = {**turned, "offset_x_m": 0.1, "apparent_distance_m": 2.0}
+    scene = Scene.from_dict({"lamp": lamp})
+    x, y, z = poses_on_axis(scene.lamp, np.array([3.0]))[0, :3]
+    assert (x, y) == pytest.approx((0.1 + 5.0 * np.tan(np.radians(6)), -5.0 * np.tan(np.radians(3))))
+    ray = np.array([x - 0.1, y, z + 2.0])
+    on_axis = 1 / (ray @ ray) * ray[2] / np.linalg.norm(ray)
+    assert direct_field(scene, x, y, z) == pytest.approx(on_axis, rel=1e-9)
 
 
 def test_elements_are_turned_about_the_middle_and_moved() -> None:
