@@ -22,6 +22,7 @@ from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
 from lightfield.scene.bands import BandLight, at_wavelengths, over_band
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
+from lightfield.scene.lamp.frame import axis_at
 from lightfield.studies.compare.rings import (
     BEYOND,
     ERROR_LEVELS,
@@ -31,6 +32,7 @@ from lightfield.studies.compare.rings import (
     Profile,
     excess,
     known_error,
+    meets,
     on_axis,
     radial_profile,
     standing,
@@ -73,7 +75,8 @@ class PlaneComparison:
     x_m, y_m : arrays, shape (n_x,) and (n_y,), m
     render, stderr, formula : arrays, shape (n_y, n_x), unit of the comparison
         The formula is averaged over each cell, as the render is. NaN in cells outside the tank.
-    axis : Profile of one ring: the cells at x = y = 0
+    axis_m : (float, float), m: where the lamp's axis meets the plane
+    axis : Profile of one ring: the cells there; NaN where the axis misses the plane
     lost, lost_stderr : float
         Part of the light on the plane that the formula lacks (negative: it has too much).
     """
@@ -85,6 +88,7 @@ class PlaneComparison:
     render: Array
     stderr: Array
     formula: Array
+    axis_m: tuple[float, float]
     axis: Profile
     profile: Profile
     render_spot: Spot
@@ -138,8 +142,10 @@ class PlaneComparison:
         return render, np.sqrt(narrow) / weight, formula
 
     def told_on_axis(self, level: float) -> int:
-        """How the error at x = y = 0, averaged over neighbouring cells, stands to a level: see `standing`."""
-        at = np.argmin(np.abs(self.y_m)), np.argmin(np.abs(self.x_m))
+        """How the error on the lamp's axis, averaged over neighbouring cells, stands to a level: see
+        `standing`."""
+        x, y = self.axis_m
+        at = np.argmin(np.abs(self.y_m - y)), np.argmin(np.abs(self.x_m - x))
         render, stderr, formula = (np.atleast_1d(v[at]) for v in self._smooth())
         return int(standing(render, stderr, formula, level)[0])
 
@@ -262,18 +268,27 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
                 np.where(outside, np.nan, dataset[name].values[index, number])
                 for name in (quantity, f"{quantity}_stderr")
             )
-            planes.append(compare_plane(wavelength, z, x, y, render, stderr, expected))
+            axis_x, axis_y = (float(at) for at in axis_at(scene.lamp, z))
+            planes.append(compare_plane(wavelength, z, x, y, render, stderr, expected, (axis_x, axis_y)))
     return Comparison(scene, quantity, dataset[quantity].attrs["units"], tuple(planes))
 
 
 def compare_plane(
-    wavelength_nm: float, z_m: float, x_m: Array, y_m: Array, render: Array, stderr: Array, formula: Array
+    wavelength_nm: float,
+    z_m: float,
+    x_m: Array,
+    y_m: Array,
+    render: Array,
+    stderr: Array,
+    formula: Array,
+    axis_m: tuple[float, float] = (0.0, 0.0),
 ) -> PlaneComparison:
     """Compare one map with the formula's, both of shape (n_y, n_x), where the map knows values."""
     formula = np.where(np.isnan(render), np.nan, formula)
     formula_spot = spot_shape(formula, x_m, y_m)
     known = not formula_spot.problem
-    centre = (formula_spot.centre_x_m, formula_spot.centre_y_m) if known else (0.0, 0.0)
+    middle = axis_m if meets(x_m, y_m, axis_m) else (0.0, 0.0)
+    centre = (formula_spot.centre_x_m, formula_spot.centre_y_m) if known else middle
     total, power = float(np.nansum(render)), float(np.nansum(formula))
     total_stderr = float(np.sqrt(np.sum(known_error(stderr) ** 2)))
     return PlaneComparison(
@@ -284,7 +299,8 @@ def compare_plane(
         render=render,
         stderr=stderr,
         formula=formula,
-        axis=on_axis(render, stderr, formula, x_m, y_m),
+        axis_m=axis_m,
+        axis=on_axis(render, stderr, formula, x_m, y_m, axis_m),
         profile=radial_profile(render, stderr, formula, x_m, y_m, centre),
         render_spot=spot_shape(render, x_m, y_m, stderr),
         formula_spot=formula_spot,
@@ -332,6 +348,10 @@ def as_text(comparison: Comparison) -> str:
 
 def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
     """Where the formula can be trusted on the axis."""
+    if not (met := [plane for plane in lit if np.isfinite(plane.axis.formula[0])]):
+        return "the lamp's axis meets none of the planes"
+    if len(met) < len(lit):
+        lit, every = met, "every plane that the lamp's axis meets"
     states = [plane.told_on_axis(ERROR_LEVELS[0]) for plane in lit]
 
     def at(state: int) -> str:

@@ -14,6 +14,8 @@ ERROR_LEVELS = (0.05, 0.10)
 SIGMAS = 3.0
 #: What is within a level is known to it by so many Monte Carlo standard errors.
 KNOWN_SIGMAS = 2.0
+#: Part of a cell that is rounding.
+_ROUNDING = 1e-9
 #: How an error compares with a level.
 WITHIN, BEYOND, OPEN = 0, 1, 2
 
@@ -98,15 +100,29 @@ def radial_profile(
     return Profile(mean(radius), mean(render), np.where(silent, np.inf, error), mean(formula))
 
 
-def on_axis(render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array) -> Profile:
-    """Mean of the cell, or the equally near cells, at x = y = 0."""
-    near = axis_cells(x_m, y_m)
+def on_axis(
+    render: Array, stderr: Array, formula: Array, x_m: Array, y_m: Array, axis_m: tuple[float, float] = (0, 0)
+) -> Profile:
+    """Mean of the cell, or the equally near cells, where the lamp's axis meets the plane; NaN where it misses
+    it."""
+    near = axis_cells(x_m - axis_m[0], y_m - axis_m[1])
+    if not meets(x_m, y_m, axis_m):
+        nothing = np.full(1, np.nan)
+        return Profile(nothing, nothing, nothing, nothing)
     error = np.sqrt(np.sum(stderr[near] ** 2)) / near.sum()
     return Profile(
-        np.hypot(*np.meshgrid(x_m, y_m))[near][:1],
+        np.hypot(*np.meshgrid(x_m - axis_m[0], y_m - axis_m[1]))[near][:1],
         render[near].mean(keepdims=True),
         np.array([error]),
         formula[near].mean(keepdims=True),
+    )
+
+
+def meets(x_m: Array, y_m: Array, at_m: tuple[float, float]) -> bool:
+    """Is a place in one of the cells of a plane? Of a single row or column the width is not known."""
+    return all(
+        len(cells) == 1 or np.abs(cells - at).min() <= 0.5 * pitch_m(cells) * (1 + _ROUNDING)
+        for cells, at in zip((x_m, y_m), at_m, strict=True)
     )
 
 

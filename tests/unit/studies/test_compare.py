@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from lightfield.maps.dataset import to_dataset
+from lightfield.render.maps import render_scene
 from lightfield.report.compare.page import comparison_page, write_comparison
+from lightfield.scene import Scene
 from lightfield.studies.compare.maps import as_text, compare, compare_plane
 from lightfield.studies.compare.rings import BEYOND, OPEN, WITHIN, Profile, excess, radial_profile, standing
 
@@ -78,6 +80,22 @@ def test_axis_error_and_radius_are_those_of_the_glow(make, formula):
     x = rendering.grid.x_m[middle:]
     expected = x[np.argmax(share[middle, middle:] > 0.10)]
     assert plane.within(0.10).radius_m == pytest.approx(expected, abs=2 * 2 / 65)
+
+
+def test_the_axis_is_that_of_the_lamp_wherever_it_meets_the_plane():
+    """Of a lamp 0.5 m aside the light of one in the middle, 0.5 m aside; none on a plane that it misses."""
+    detector = {"planes_m": [2.0, 3.0], "width_m": 2.0, "pixels": 40, "bands_nm": [[469.0, 471.0]]}
+    water = {"absorption_per_m": 0.1}
+    found = []
+    for x in (0.0, 0.5, 1.2):
+        lamp = {"hwhm_deg": 5.0, "offset_x_m": x}
+        scene = Scene.from_dict({"lamp": lamp, "water": water, "detector": detector})
+        found.append(compare(to_dataset(render_scene(scene, max_photons=1e3, rel_error=0.5))))
+    there, aside, beyond = ([plane.axis.formula[0] for plane in one.planes] for one in found)
+    assert aside == pytest.approx(there, rel=1e-9)
+    assert "on the axis it is within 5 % on every plane" in as_text(found[1])
+    assert np.isnan(beyond).all() and found[2].planes[0].as_data()["axis_error"] is None
+    assert "the lamp's axis meets none of the planes" in as_text(found[2])
 
 
 def test_shape_of_both_spots(make, formula):
