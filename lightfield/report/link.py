@@ -10,9 +10,9 @@ from lightfield.report.sections import Section, Table, study_page
 from lightfield.report.style import BAD, INK, SERIES, label, legend_below, panels
 from lightfield.studies.link.study import Link
 from lightfield.studies.link.text import (
-    ASKED,
     HEAD,
     REPORTED_HEAD,
+    asked_words,
     bandwidth_sentence,
     headline,
     in_band_words,
@@ -128,7 +128,7 @@ def link_page(found: Link) -> str:
     )  # fmt: skip
     lamp = f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {keying_words(found)}."
     sections = [
-        Section("How far", (reach,), (ASKED,), (table, others)),
+        Section("How far", (reach,), asked_words(found), (table, others)),
         Section(
             "What arrives",
             (light,),

@@ -39,6 +39,11 @@ _FAINT_SIGMA = 12.0
 _OF_PLACES = ("x_m", "y_m", "z_m", "path_m", "place_stderr", "geometry")
 #: What `import` remarks of darks, in the head of its table.
 _DARK_DOUBTS = {Remarks.NO_DARK.value, Remarks.LIT_DARK.value}
+#: What makes of light a reading that is no multiple of it, or another one at another time.
+_BENDING = (
+    "detector.saturation", "detector.saturation_quadratic", "detector.stray_light", "detector.second_order",
+    "water.drift_per_m_per_hour", "water.settling_per_m",
+)  # fmt: skip
 #: Entry of a table's head.
 PUBLISHED = "published_attenuation"
 #: A slope needs so many distances.
@@ -175,6 +180,8 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     both = np.isfinite(water) & np.isfinite(other)
     if _DARK_DOUBTS & {*readings.metadata.get("imported", {}).get("remarks", ())}:
         notes.append(Remark(Studied.DARK_LEFT))
+    if left := _left_in(scene, in_air):
+        notes.append(Remark(Studied.READOUT_LEFT, why=", ".join(left)))
     if lost := int((both & ~bright).sum()):
         notes.append(Remark(Studied.FAINT, lost, int(both.sum()), _FAINT_SIGMA))
     if alone := int((np.isfinite(water) & ~np.isfinite(other)).sum()):
@@ -200,6 +207,13 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
         geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
     )  # fmt: skip
     return _enough(found, where)
+
+
+def _left_in(scene: Scene, in_air: bool) -> list[str]:
+    """What the scene says that readings hold, and their ratio still does: paths of its parameters."""
+    own = [e.name for e in scene.effect if not e.is_off and (e.stage == "readout" or e.speaks_of("time"))]
+    paths = (*_BENDING, *(() if in_air else ("detector.plane_departure",)))
+    return [path for path in paths if scene.get(path)] + [f"effect.{name}" for name in own]
 
 
 def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:

@@ -22,6 +22,7 @@ class Studied(str, Enum):
     NO_CONSTITUENTS = "no_constituents"
     GROWS = "grows"
     DARK_LEFT = "dark_left"
+    READOUT_LEFT = "readout_left"
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Remark:
     percent : float, optional
         The error that was taken.
     why : str, optional
-        The error that ended a part of the study.
+        The error that ended a part of the study; what of the scene was left in the readings.
     """
 
     studied: Studied
@@ -73,5 +74,7 @@ _WORDS = {
     "exchanged in the column medium, or distances?",
     Studied.DARK_LEFT: "`import` found dark spectra missing, or with the lamp's light in them: a dark signal "
     "that is left in the readings makes K too small far away",
+    Studied.READOUT_LEFT: "{why} of the scene is not taken out of the readings: K is off by what it does to "
+    "them, and its error does not know of it",
     Studied.NO_CONSTITUENTS: "constituents were not looked for: {why}",
 }

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import jsonable
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import switched_off
 from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.link.receiver import SEEN_HZ, SEEN_SNR
 from lightfield.studies.link.reported import REPORTED
@@ -43,6 +45,7 @@ ASKED = (
     f"as in `range`). Seen: a signal {SEEN_SNR:g} times the noise in {SEEN_HZ:g} Hz, no pose. Echoes: "
     "scattered light that comes late into the next bits."
 )
+UNIFORM = "Uniform water: the scene's gradients, layers and hardening of its absorption are left out."
 #: Distances at which the bandwidth is told, m, as far as they were asked about.
 _BANDWIDTH_AT_M = (10.0, 20.0, 40.0)
 REPORTED_HEAD = ("reported", "water", "source")
@@ -88,6 +91,12 @@ def bandwidth_sentence(found: Link) -> str:
     )
 
 
+def asked_words(found: Link) -> tuple[str, ...]:
+    """What is asked of each column, and what of the scene has no say in it."""
+    uniform = switched_off(found.scene.water, Acts.LAYERS | Acts.HARDENING)
+    return (ASKED,) if uniform else (ASKED, UNIFORM)
+
+
 def in_band_words(found: Link) -> str:
     """How much of the lamp's power counts."""
     low, high = found.scene.detector.bands_nm[0]
@@ -110,7 +119,7 @@ def as_text(found: Link) -> str:
         lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f"{cell:>23}" for cell in row[2:]))
     reported = "; ".join(f"{r.as_text()} ({r.water}; {r.source})" for r in REPORTED)
     return "\n".join([
-        *lines, bandwidth_sentence(found), ASKED,
+        *lines, bandwidth_sentence(found), *asked_words(found),
         f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {receiver.area_mm2:g} mm² diode of "
         f"{receiver.responsivity_a_per_w:g} A/W, amplifier {receiver.noise_a_per_sqrt_hz:g} A/√Hz, "
         f"background {receiver.background_a:g} A, error rate {receiver.ber:g}, {keying_words(found)}.",

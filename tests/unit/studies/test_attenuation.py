@@ -61,6 +61,23 @@ def test_what_import_said_of_darks_is_said_again(remarks: list[str], said: int) 
     assert sum(note.studied is Studied.DARK_LEFT for note in notes) == said
 
 
+def test_what_the_scene_knows_of_an_instrument_and_readings_keep_is_said() -> None:
+    """Readings that bend by s / (1 + 0.3 s): a K more than two errors too large, and it says why."""
+    bent = scene().with_values(
+        {"detector.saturation": 0.3, "detector.plane_departure": [[4.5, 0], [8.5, 0.1]]}
+    )
+    light = table(scene(), noise=0.0, stated=0.003)
+    s = light.value / light.value.max()
+    found = attenuation(replace(light, value=light.value.max() * s / (1 + 0.3 * s)), bent)
+    assert found.apparent[0].K_per_m[1] > truth_per_m()[1] + 2 * found.apparent[0].K_stderr[1]
+    said = [note for note in found.notes if note.studied is Studied.READOUT_LEFT]
+    assert [note.why for note in said] == ["detector.saturation"]
+    assert "note: detector.saturation of the scene is not taken out of the readings" in as_text(found)
+    (by_formula,) = [n for n in ratios_of(light, bent, False).notes if n.studied is Studied.READOUT_LEFT]
+    assert by_formula.why == "detector.saturation, detector.plane_departure"
+    assert not [n for n in ratios_of(light, scene()).notes if n.studied is Studied.READOUT_LEFT]
+
+
 def test_it_is_the_loss_of_the_direct_light() -> None:
     found = attenuation(table(scene()), scene()).apparent[0]
     assert found.K_per_m == pytest.approx(truth_per_m(), abs=1e-7)

@@ -110,6 +110,15 @@ def test_scattered_light_carries_data(murky) -> None:
     assert float(at.scattered_over_direct) == pytest.approx(4.3, abs=0.05 + 3 * 4.3 * 1.25 * relative)
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_layers_that_are_left_out_are_told(clear) -> None:
+    layered = scene(0.2, 0.0).with_values({"water.layer_absorption_per_m": 2.0})
+    found = link(layered, waters={})
+    assert found.reaches["scene"].data_m == clear.reaches["scene"].data_m
+    assert "gradients, layers and hardening of its absorption are left out" in as_text(found)
+    assert "are left out" in link_page(found) and "layers" not in as_text(clear)
+
+
 def test_a_formula_of_the_beam_shares_its_power_anew() -> None:
     """I0 is the power over the integral of the beam that the formula makes, as a render has it."""
     ring = {
