@@ -1,7 +1,7 @@
 """What README and manual say works: commands run as written, files load, the Python example finds the effect.
 
 Traces are cut short, by a photon budget or left out where a trace is not the point; diagnoses ask for few
-effects; maps of the tow tank have a quarter of their cells; figures of pages are drawn as wide screens show
+effects; maps of the tow tank have a fifteenth of their cells; figures of pages are drawn as wide screens show
 them, since the tests of each page draw those for telephones; all else is as written.
 """
 
@@ -20,6 +20,7 @@ from lightfield import cli
 from lightfield.commands.shared.line import COMMANDS as SUB_COMMANDS
 from lightfield.commands.shared.line import prepared
 from lightfield.readings import read_table
+from lightfield.render.diffuse.source import response_for
 from lightfield.report.page import to_svg
 from lightfield.scene import Scene
 
@@ -68,7 +69,7 @@ def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tank = folder / "scenes" / "unh_tow_tank" / "scene.toml"
     whole = tank.read_text(encoding="utf-8")
     assert "pixels = 65" in whole
-    tank.write_text(whole.replace("pixels = 65", "pixels = 33"), encoding="utf-8")
+    tank.write_text(whole.replace("pixels = 65", "pixels = 17"), encoding="utf-8")
     return folder
 
 
@@ -113,12 +114,13 @@ def test_every_command_runs_as_written(clone, monkeypatch, capsys, request, line
             assert Path(words[words.index(option) + 1]).exists()
 
 
-@pytest.mark.usefixtures("wide_alone")
 def test_the_python_example_runs_and_finds_the_effect(clone, monkeypatch, capsys):
-    """Cut short as the commands: `physics/found/test_verdicts.py` asks the whole table of these readings, and
-    the command `diagnose` above renders the explained scene afresh."""
+    """Cut short as the commands: `physics/found/test_verdicts.py` asks the whole table of these readings, the
+    command `diagnose` above renders the explained scene afresh, and its own tests draw its page."""
     few = ["scattering", "beam_tilt", "background"]
     monkeypatch.setattr(lightfield, "diagnose", partial(lightfield.diagnose, effects=few, render=False))
+    monkeypatch.setitem(response_for.__kwdefaults__, "photons", 400_000)
+    monkeypatch.setattr("lightfield.report.page.to_svg", lambda figure, name: "<svg></svg>")
     (example,) = blocks("python")
     assert len([line for line in example.splitlines() if line]) == 5
     monkeypatch.chdir(clone)

@@ -177,11 +177,10 @@ def test_a_shadow_is_unexplained_and_located():
 @pytest.mark.parametrize("kind", KINDS)
 def test_json_obeys_the_published_schema(found, kind):
     data = json.loads(found[kind].verdict.model_dump_json())
-    schema = json_schema()
-    jsonschema.Draft202012Validator.check_schema(schema)
-    jsonschema.validate(data, schema)
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate({**data, "verdict": "perhaps"}, schema)
+    published = jsonschema.Draft202012Validator(json_schema())
+    published.check_schema(published.schema)
+    published.validate(data)
+    assert not published.is_valid({**data, "verdict": "perhaps"})
 
 
 @pytest.mark.slow

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import analytic_readings
@@ -52,6 +53,20 @@ def context(served: Served):
 
 @pytest.fixture
 def page(context, served: Served):
+    with opened(context, served) as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def still(context, served: Served):
+    """A page for tests that only look at it."""
+    with opened(context, served) as page:
+        yield page
+
+
+@contextmanager
+def opened(context, served: Served):
+    """A page that has no trouble, and asks nobody else for anything."""
     page = context.new_page()
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))

@@ -122,15 +122,15 @@ def test_all_is_done_by_keyboard(page) -> None:
 
 
 @needs_browser
-def test_roles_and_labels_say_what_is_where(page) -> None:
+def test_roles_and_labels_say_what_is_where(still) -> None:
     for name in ("Model", "Light", "Error ladder"):
-        assert page.get_by_role("region", name=name, exact=True).count() == 1
-    slider = page.get_by_role("slider", name="half width in deg")
+        assert still.get_by_role("region", name=name, exact=True).count() == 1
+    slider = still.get_by_role("slider", name="half width in deg")
     assert re.match(r"[\d.]+ deg", slider.get_attribute("aria-valuetext"))
     assert re.match(r"[\d.]+ to [\d.]+ deg", slider.get_attribute("title"))
-    assert page.get_by_role("status").first.is_visible()
+    assert still.get_by_role("status").first.is_visible()
     for name in ("Readings, model and formula along x", "on the axis", "Residuals in sigma over"):
-        assert page.get_by_role("img", name=name).count() == 1
+        assert still.get_by_role("img", name=name).count() == 1
 
 
 #: Contrast of every text that is seen against what lies behind it (WCAG 2.2, relative luminance).
@@ -161,13 +161,13 @@ CONTRAST = """() => {
 
 
 @needs_browser
-def test_dark_and_light_can_both_be_read(page) -> None:
-    page.get_by_role("checkbox", name="background", exact=True).check()
-    page.locator("#ladder li").nth(1).wait_for()
+def test_dark_and_light_can_both_be_read(still) -> None:
+    still.get_by_role("checkbox", name="background", exact=True).check()
+    still.locator("#ladder li").nth(1).wait_for()
     paper = {}
     for scheme in ("light", "dark"):
-        page.emulate_media(color_scheme=scheme)
-        paper[scheme], poor = page.evaluate(CONTRAST)
+        still.emulate_media(color_scheme=scheme)
+        paper[scheme], poor = still.evaluate(CONTRAST)
         assert poor == [], scheme
     assert paper["light"] > 0.9 and paper["dark"] < 0.05
 
@@ -183,11 +183,11 @@ def test_nothing_moves_for_whoever_asked_for_that(page) -> None:
 
 
 @needs_browser
-def test_everything_fits_the_window_and_has_a_name(page) -> None:
+def test_everything_fits_the_window_and_has_a_name(still) -> None:
     for width in (1300, 420):
-        page.set_viewport_size({"width": width, "height": 800})
-        assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
-    nameless = page.evaluate(
+        still.set_viewport_size({"width": width, "height": 800})
+        assert still.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
+    nameless = still.evaluate(
         """() => [...document.querySelectorAll('input, select, textarea, button, canvas, a')].filter((e) =>
             e.offsetParent !== null && !e.getAttribute('aria-label') && !e.textContent.trim()
             && !(e.labels && e.labels.length && e.labels[0].textContent.trim())).map((e) => e.outerHTML)"""

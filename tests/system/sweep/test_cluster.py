@@ -18,7 +18,7 @@ from pathlib import Path
 
 import psutil
 import pytest
-from sweeping import SCENE, differences, in_process, sweep
+from sweeping import SCENE, differences, in_process
 
 from lightfield.sweep.cluster import connected
 
@@ -76,7 +76,7 @@ def test_two_workers_of_a_scheduler_write_the_same_store(scheduler: str, tmp_pat
     scene.write_text(SCENE)
     here, there = tmp_path / "here.zarr", tmp_path / "there.zarr"
     assert in_process(scene, here, vary=VARY).returncode == 0
-    done = sweep(scene, there, "--scheduler", scheduler, vary=VARY)
+    done = in_process(scene, there, "--scheduler", scheduler, vary=VARY)
     assert done.returncode == 0, done.stderr
     assert differences(here, there) == []
     found = re.search(r"memory: (\d) process(?:es)?, at most ([\d.]+) MB each", done.stdout)

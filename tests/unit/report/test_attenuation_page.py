@@ -27,6 +27,7 @@ def study(colours: int, **head: Any) -> Attenuation:
     return attenuation(table, Scene.from_dict({"water": {"base": "pure"}}))
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("published", [[], [[460.0, 480.0, 0.1]]])
 def test_only_what_was_published_of_this_water_is_shaded(published: list[list[float]]) -> None:
     found = study(3, published_attenuation=published)

@@ -37,6 +37,7 @@ def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
     assert html.count('<div class="wide"><svg') == html.count('<div class="narrow"><svg') == 2
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_names_the_best(tmp_path: Path) -> None:
     good = Scene.from_dict({**SCENE.to_dict(), "name": "good", "array": ROUND})
     html = arrays_page(compare_arrays(good, {"two": SCENE}, photons=0))
@@ -48,6 +49,7 @@ def test_a_comparison_names_the_best(tmp_path: Path) -> None:
     assert "Elements of the best found" in arrays_page(found)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
     scene = Scene.from_dict({**SCENE.to_dict(), "array": {**ROUND, "count": [5, 5]}})
     assert scene.array is not None

@@ -50,7 +50,7 @@ def clear() -> Link:
 
 @pytest.fixture(scope="module")
 def murky() -> Link:
-    return link(scene(), waters={}, max_photons=1.5e6, rel_error=1e-3)
+    return link(scene(), waters={}, max_photons=8e5, rel_error=1e-3)
 
 
 def test_an_error_rate_of_1e_6_is_a_Q_of_4_75() -> None:
@@ -225,7 +225,7 @@ def test_late_light_narrows_the_band_and_closes_the_eye(murky) -> None:
     near, far = (data.interp(z_m=z) for z in (10.0, 40.0))
     assert float(near.bandwidth_hz) > 2 * float(far.bandwidth_hz) > 0
     assert 0 < float(far.bandwidth_stderr_hz) < float(far.bandwidth_hz)
-    fast = link(scene(), Receiver(bit_rate_per_s=1e9), waters={}, max_photons=1.5e6, rel_error=1e-3)
+    fast = link(scene(), Receiver(bit_rate_per_s=1e9), waters={}, max_photons=8e5, rel_error=1e-3)
     slow = float(far.eye)
     assert 0.9 < slow < 1 and float(fast.dataset.isel(water=0).interp(z_m=40.0).eye) < 0.6 * slow
     assert murky.reaches["scene"].data_with_echoes_m <= murky.reaches["scene"].data_m

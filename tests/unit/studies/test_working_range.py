@@ -96,12 +96,14 @@ def test_smooth_light_of_a_wide_beam_is_followed_about_its_axis(monkeypatch) -> 
     monkeypatch.setattr(
         smoothed, "traced_field", lambda s, region, **more: regions.append(region) or keep(s, region, **more)
     )
-    light = smooth_light(base, 1.5, 4.0, 0.3, 4e5)
+    light = smooth_light(base, 1.5, 4.0, 0.3, 1.5e5)
     assert regions[0].half_width_m < 0.26 * 4.3
     place = np.array([[0.0, 0.0, 1.5], [0.2, 0.1, 2.5], [0.0, -0.3, 4.0]])
     normal = np.array([[0, 0, -1.0], [0.3, 0, -0.954], [0, 0.5, -0.866]])
     smooth, error = light.irradiance(place, normal)
-    traced, noise = traced_field(base, Region(0.64, 1.3, 4.3), photons=4e5, seed=1).irradiance(place, normal)
+    traced, noise = traced_field(base, Region(0.64, 1.3, 4.3), photons=1.5e5, seed=1).irradiance(
+        place, normal
+    )
     assert np.all(np.abs(smooth / traced - 1) < 3.5 * np.hypot(error, noise) / traced + 0.003)
 
 
@@ -194,11 +196,13 @@ def test_bound_of_an_array_is_that_of_its_readings_one_by_one(radius_m, unsure) 
 def test_smooth_light_is_the_traced_field_with_less_noise() -> None:
     """Near the lamp, where the trace is good: what is smoothed and what is not read the same."""
     base = scene(tank={}, **array(size_m=0.4, radius_m=0.32))
-    light = smooth_light(base, 4.5, 8.5, 0.3, 4e5)
+    light = smooth_light(base, 4.5, 8.5, 0.3, 1.5e5)
     place = np.array([[0.0, 0.0, 4.5], [0.2, 0.1, 5.5], [0.0, -0.3, 6.5], [0.2, 0.0, 8.5]])
     normal = np.array([[0, 0, -1.0], [0.3, 0, -0.954], [0, 0.5, -0.866], [0.0, 0.0, -1.0]])
     smooth, error = light.irradiance(place, normal)
-    traced, noise = traced_field(base, Region(0.64, 4.2, 9.0), photons=4e5, seed=1).irradiance(place, normal)
+    traced, noise = traced_field(base, Region(0.64, 4.2, 9.0), photons=1.5e5, seed=1).irradiance(
+        place, normal
+    )
     assert np.all(np.abs(smooth / traced - 1) < 3.5 * np.hypot(error, noise) / traced + 0.003)
     assert np.all(error < noise) and np.all(error > 0)
 
@@ -222,16 +226,16 @@ def test_smooth_light_of_an_array_near_the_walls_is_in_finer_cells() -> None:
     """15 cm between them: as a trace of its own. Nearer than the finest cells it is said to be too large."""
     tank = {"width_m": 1.2, "depth_m": 1.0, "length_m": 4.0, "lamp_depth_m": 0.5, "wall_albedo": 0.3}
     base = scene(lamp={"hwhm_deg": 10.0}, tank=tank, detector={"planes_m": [0.8, 2.5]})
-    light = smooth_light(base, 0.8, 2.5, 0.32, 4e5)
+    light = smooth_light(base, 0.8, 2.5, 0.32, 1.5e5)
     place = np.array([[0.0, 0.0, 0.8], [0.2, 0.1, 1.5], [0.0, -0.3, 2.0], [0.3, 0.0, 2.5]])
     normal = np.tile([0.0, 0.0, -1.0], (4, 1))
     smooth, error = light.irradiance(place, normal)
-    traced, noise = traced_field(base, Region(0.36, 0.7, 2.7, 0.06), photons=4e5, seed=1).irradiance(
+    traced, noise = traced_field(base, Region(0.36, 0.7, 2.7, 0.06), photons=1.5e5, seed=1).irradiance(
         place, normal
     )
     assert np.all(np.abs(smooth / traced - 1) < 3.5 * np.hypot(error, noise) / traced + 0.005)
     with pytest.raises(RenderError, match=r"reaches into a wall.*0\.572 m"):
-        smooth_light(base, 0.8, 2.5, 0.49, 4e5)
+        smooth_light(base, 0.8, 2.5, 0.49, 1.5e5)
 
 
 def test_smooth_light_of_dense_water_between_walls_in_clearer_water() -> None:

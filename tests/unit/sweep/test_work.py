@@ -17,8 +17,8 @@ import pytest
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.sweep import work
 
-#: More than a worker that has only just begun takes: imports alone come to about 300 MB.
-HELD_BY_THE_PARENT = 1500 * 10**6
+#: More than a worker that has only just begun takes: imports alone come to about 120 MB.
+HELD_BY_THE_PARENT = 600 * 10**6
 
 
 def test_a_worker_of_a_large_process_reports_its_own_memory() -> None:
