@@ -170,6 +170,7 @@ def test_what_does_not_belong_together_is_refused(table, maps, tmp_path):
             wrong()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_sweep_of_few_photons(tmp_path):
     scene = lf.Scene.from_dict({"detector": {"planes_m": [2.0, 3.0], "pixels": 7}})
     vary = {"water.absorption_per_m": np.array([0.05, 0.1]), "lamp.hwhm_deg": "3:5:2"}

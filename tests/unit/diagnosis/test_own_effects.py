@@ -157,7 +157,7 @@ def test_an_unexplained_rest_comes_with_its_curve(tmp_path: Path) -> None:
         return np.asarray(1 - 0.25 * there * (table.z_m > 6))
 
     table, believed = readings({"detector.background": 0.01}, factor=plume, seed=3, noise=0.004)
-    found = diagnose(table, believed, diffuse=None, only=["background", "beam_tilt", "beam_skirt"])
+    found = diagnose(table, believed, diffuse=None, only=["background", "beam_tilt"])
     verdict = found.verdict
     assert verdict.verdict == "unexplained"
     best = verdict.left_over[0]

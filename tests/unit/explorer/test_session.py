@@ -309,6 +309,7 @@ def test_a_survey_that_was_ended_is_still_to_be_done(session: Session, monkeypat
         assert len(session.survey) == kept and all(np.isnan(e) for e in session.survey.values())
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_report_of_what_is_shown_needs_no_diagnosis(session: Session) -> None:
     """Readings: the page of a comparison by hand, with the ladder that was climbed."""
     ask(session, "switch", effect=BACKGROUND, on=True)
