@@ -35,8 +35,10 @@ STORY = ROOT / "scenes" / "hidden_effect"
 KINDS = ("none", "identified")
 SLOW = pytest.mark.slow
 #: What colours water; all that is asked there in the quick tests.
-COLOURS = ["cdom", "sediment", "chlorophyll", "scattering", "background"]
+COLOURS = ["cdom", "sediment", "chlorophyll", "scattering"]
 quick = partial(response_for, photons=1_000_000)
+#: In the quick tests: half of them.
+fewest = partial(response_for, photons=500_000)
 
 
 def of_kind(kind: str, diffuse: DiffuseSource = quick) -> Diagnosis:
@@ -58,9 +60,9 @@ def found(dense_of_story: list[float]) -> dict[str, Diagnosis]:
     def watched(*args, dense_per_m=None):
         if dense_per_m is not None:
             dense_of_story.append(dense_per_m)
-        return quick(*args, dense_per_m=dense_per_m)
+        return fewest(*args, dense_per_m=dense_per_m)
 
-    return {kind: of_kind(kind, watched if kind == "identified" else quick) for kind in KINDS}
+    return {kind: of_kind(kind, watched if kind == "identified" else fewest) for kind in KINDS}
 
 
 def test_nothing_hidden_nothing_found(found):
@@ -94,7 +96,7 @@ def test_scattering_that_the_scene_has_and_the_readings_lack_is_refuted(found):
     """Readings of clear water, and a scene of b = 0.15 per metre: said with a limit, and the noise is met."""
     scene = Scene.load(DATA / "scene.toml").with_values({"water.scattering_per_m": 0.15})
     few = ["scattering", "background", "beam_tilt"]
-    done = diagnose(found["none"].readings, scene, diffuse=quick, only=few, advise=False)
+    done = diagnose(found["none"].readings, scene, diffuse=fewest, only=few, advise=False)
     verdict, (entry,) = done.verdict, done.verdict.stated
     assert (verdict.verdict, verdict.effects) == ("identified", ["scattering"])
     assert entry.judgement == "absent" and entry.limit < 0.05
@@ -109,7 +111,7 @@ def test_scattering_that_the_readings_show_is_supported(found):
     """The story's water, b = 0.2 per metre and g = 0.92, stated as it is."""
     truth = {"water.scattering_per_m": 0.2, "water.phase.g": 0.92}
     scene = Scene.load(STORY / "scene.toml").with_values(truth)
-    verdict = diagnose(found["identified"].readings, scene, diffuse=quick, advise=False).verdict
+    verdict = diagnose(found["identified"].readings, scene, diffuse=fewest, advise=False).verdict
     assert verdict.verdict == "none"
     (entry,) = (e for e in verdict.stated if e.effect == "scattering")
     assert entry.judgement == "supported" and entry.sigma_to_remove > 10
@@ -119,7 +121,7 @@ def test_dense_water_is_traced_only_when_it_explains_the_readings(found, dense_o
     """Fits of the story wander through water of b = 0.5 per m and end at 0.2: one trace is enough."""
 
     def clear_only(*args, dense_per_m=None):
-        return pytest.fail("dense water was traced") if dense_per_m else quick(*args)
+        return pytest.fail("dense water was traced") if dense_per_m else fewest(*args)
 
     assert found["identified"].verdict.effects == ["scattering"] and dense_of_story == []
     hazy = Scene.load(STORY / "scene.toml").with_values({"water.scattering_per_m": 0.35})
@@ -221,7 +223,7 @@ def test_what_is_dissolved_or_floats_in_pure_water_is_named(file, name, path, tr
     With water that is unknown at every wavelength none of them can be tested.
     """
     table, scene = read_table(DATA / f"{file}.csv"), Scene.load(DATA / "colour.toml")
-    verdict = diagnose(table, scene, diffuse=quick, only=only, advise=False).verdict
+    verdict = diagnose(table, scene, diffuse=fewest if only else quick, only=only, advise=False).verdict
     assert (verdict.verdict, verdict.effects) == ("identified", [name])
     estimate = verdict.explanations[0].parameters[path]
     assert abs(estimate.value - truth) < 4 * estimate.stderr

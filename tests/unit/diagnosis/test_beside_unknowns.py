@@ -38,15 +38,15 @@ def slab(table: Readings) -> np.ndarray:
     return np.asarray(1 - DEPTH * 0.5 * (special.erf((off + 0.08) / 0.03) - special.erf((off - 0.08) / 0.03)))
 
 
-def shaded(by: Callable[[Readings], np.ndarray], only: list[str]) -> Diagnosis:
+def shaded(by: Callable[[Readings], np.ndarray], only: list[str], layout: str = "fine") -> Diagnosis:
     hidden = {"detector.background": BACKGROUND, "lamp.offset_x_m": OFFSET_M}
-    table, believed = readings(hidden, factor=by, seed=4, layout="fine")
+    table, believed = readings(hidden, factor=by, seed=4, layout=layout)
     return diagnose(table, believed, diffuse=None, only=only)
 
 
 @pytest.fixture(scope="module")
 def found() -> Diagnosis:
-    return shaded(pole, FEW)
+    return shaded(pole, FEW, "line")
 
 
 @pytest.mark.parametrize(
