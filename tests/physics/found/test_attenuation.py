@@ -70,7 +70,7 @@ def rendered(truth: Scene, x: Array, z: Array, photons: float) -> Rendering:
 
 @pytest.fixture(scope="module")
 def axis() -> Rendering:
-    return rendered(scene(), np.zeros(5), DISTANCES, 6e6)
+    return rendered(scene(), np.zeros(5), DISTANCES, 3e6)
 
 
 @pytest.fixture(scope="module")

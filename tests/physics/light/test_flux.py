@@ -80,7 +80,7 @@ IN_TANK = np.array([[0.2, 0.1, 4.5], [0.0, 0.0, 5.5]])
 
 @pytest.fixture(scope="module")
 def bright() -> TracedField:
-    return traced_field(Scene.from_dict(BRIGHT), Region(0.4, 4.2, 6.0), photons=4e6, cache=False)
+    return traced_field(Scene.from_dict(BRIGHT), Region(0.4, 4.2, 6.0), photons=2e6, cache=False)
 
 
 @cache
@@ -88,7 +88,7 @@ def rendered(tilt_deg: float) -> tuple[np.ndarray, np.ndarray]:
     """Diffuse light in the bright tank on receivers turned towards +x, and its errors."""
     detector = {"positions_m": IN_TANK.tolist(), "bands_nm": [[520.0, 530.0]], "tilt_x_deg": tilt_deg}
     scene = Scene.from_dict({**BRIGHT, "detector": detector})
-    done = render_scene(scene, rel_error=1e-3, max_photons=4e6, seed=3, cache=False)
+    done = render_scene(scene, rel_error=1e-3, max_photons=2e6, seed=3, cache=False)
     value, error = (v[0].ravel() for v in done.relative_maps(np.array([525.0]), "diffuse"))
     return value, error
 
@@ -120,7 +120,7 @@ def test_a_receiver_that_faces_away_reads_what_flies_back(bright: TracedField) -
 def test_the_smooth_light_of_ranges_has_it_too(bright: TracedField) -> None:
     """On the axis and 0.2 m beside it, facing the lamp; a smooth fit, hence 1 % of the diffuse light."""
     normal = np.tile([0.0, 0.0, -1.0], (len(IN_TANK), 1))
-    mean, error = smooth_light(bright.scene, 4.5, 5.5, 0.25, 4e6).irradiance(IN_TANK, normal)
+    mean, error = smooth_light(bright.scene, 4.5, 5.5, 0.25, 2e6).irradiance(IN_TANK, normal)
     value, stderr = rendered(0.0)
     diffuse = mean - on_receivers(direct_flux(bright.scene, IN_TANK), normal)
     assert (np.abs(diffuse - value) < 0.01 * value + 3.5 * np.hypot(error, stderr)).all()
