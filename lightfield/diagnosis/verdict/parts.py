@@ -21,9 +21,11 @@ class Record(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _read(cls, given: object) -> object:
-        """Words that are read back are no data."""
-        words = cls.model_computed_fields
-        return {k: v for k, v in given.items() if k not in words} if isinstance(given, dict) else given
+        """Words that are read back are no data, and nought has no sign."""
+        if not isinstance(given, dict):
+            return given
+        data = {k: v for k, v in given.items() if k not in cls.model_computed_fields}
+        return {k: 0.0 if isinstance(v, float) and v == 0 else v for k, v in data.items()}
 
 
 class _Word(str, Enum):

@@ -18,7 +18,7 @@ from lightfield.diagnosis.verdict.parts import (
     PlaceToRead,
     Reason,
 )
-from lightfield.diagnosis.verdict.speech import Said
+from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import called
 from lightfield.diagnosis.verdict.words.headline import words_of
@@ -232,3 +232,9 @@ def test_the_width_under_a_curve_is_not_called_that_of_the_light() -> None:
     assert called(width, [*others, beam]) == "lamp.hwhm_deg (of the Gaussian that the curve changes)"
     assert called(width, [*others, power]) == called(width, others) == width
     assert called(others[1], [*others, beam]) == others[1]
+
+
+def test_nought_has_no_sign() -> None:
+    """An absorption at the end of its range is 0, and not -0."""
+    one = Estimate(value=-0.0, unit="1/m")
+    assert exactly(one).startswith("0 ") and roughly(one) == "0 1/m"
