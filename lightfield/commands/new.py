@@ -8,7 +8,16 @@ from pathlib import Path
 from shlex import quote
 
 from lightfield.errors import LightfieldError
-from lightfield.experiments.new_tank import LAYOUT, READINGS, SCENE, NewTank, new_tank, sizes_told
+from lightfield.experiments.new_tank import (
+    LAYOUT,
+    OF_TANK,
+    READINGS,
+    SCENE,
+    NewTank,
+    is_open,
+    new_tank,
+    sizes_told,
+)
 from lightfield.experiments.questions import QUESTIONS, Question
 from lightfield.storage.files import output_folder
 
@@ -43,7 +52,8 @@ def run(args: argparse.Namespace) -> int:
     scene, readings = quote(str(files[SCENE])), quote(str(files[READINGS]))
     report = quote(str(files[READINGS].with_name("report.html")))
     if not asking:
-        assumed = [f"{q.name} {q.default}" for q in QUESTIONS if q.name not in answers and q.default]
+        left = [q for q in QUESTIONS if q.name not in answers and q.default]
+        assumed = [f"{q.name} {q.default}" for q in left if not (is_open(answers) and q.name in OF_TANK)]
         if assumed:
             print(f"assumed: {', '.join(assumed)}")
         print(f"tank: {sizes_told(made.scene)}")
@@ -58,7 +68,7 @@ def asked(name: str) -> NewTank:
     """Answers from the terminal, one by one; an empty line takes what stands in brackets."""
     answers: dict[str, str] = {}
     for question in QUESTIONS:
-        if answers.get("tank", "").lower() == "none" and question.name in ("lamp_depth", "walls", "surface"):
+        if is_open(answers) and question.name in OF_TANK:
             continue
         made = _answer(question, answers, name)
         if question.name == "tank":

@@ -32,6 +32,8 @@ _PLANES, _FROM, _TO = 5, 0.25, 0.8
 _OPEN_M = (1.0, 2.0, 3.0, 4.0, 5.0)
 #: From the wall, the part of the room that readings keep away.
 _CLEAR = 0.9
+#: Questions that only a tank has answers to.
+OF_TANK = ("lamp_depth", "walls", "surface")
 #: Seed of the order in which places are read: the same tank, the same table.
 _ORDER = 0
 #: The smallest size of any tank is less; the deepest pools are 10 to 25 m across.
@@ -113,6 +115,11 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         Answers that do not fit together, such as distances outside the tank, or a band without light.
     """
     given = {q.name: answers.get(q.name, "").strip() or q.default for q in QUESTIONS}
+    if is_open(answers) and (said := [name for name in OF_TANK if answers.get(name, "").strip()]):
+        raise UsageError(
+            "open water has no walls, bottom or surface", where=", ".join(said),
+            found="tank none", remedy="leave it out, or give the sizes of a tank, WxDxL",
+        )  # fmt: skip
     tank = tank_lines(given)
     ahead = None
     if tank:
@@ -160,6 +167,11 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
     return NewTank(scene, text, table_text(scene, places), table_text(scene, places, blank=True), len(places))
 
 
+def is_open(answers: Mapping[str, str]) -> bool:
+    """Is it open water that they are about?"""
+    return answers.get("tank", "").strip().lower() == "none"
+
+
 def sizes_told(scene: Scene) -> str:
     """The tank in words, so that sizes in another order are seen before anything is measured."""
     tank = scene.tank
@@ -173,7 +185,7 @@ def sizes_told(scene: Scene) -> str:
 
 def tank_lines(given: Mapping[str, str]) -> list[str]:
     """The scene's tank; nothing for open water."""
-    if given["tank"].lower() == "none":
+    if is_open(given):
         return []
     sizes = typed_numbers(given["tank"].lower(), "tank", "x")
     if len(sizes) != 3:

@@ -62,6 +62,7 @@ def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
         ({"water": "0.1"}, "such as 0.1,0"),
         ({"tank": "2000x1000x6000"}, "2x1x6 if these are millimetres or 20x10x60 if these are centimetres"),
         ({"tank": "none", "planes": "1000,2000"}, "millimetres over 1000"),
+        ({"tank": "none", "walls": "0.7", "surface": "no"}, "walls, surface: open water has no walls"),
     ],
 )
 def test_millimetres_are_not_taken_for_metres(answers: dict[str, str], said: str) -> None:
