@@ -332,8 +332,9 @@ def _best(bands: xr.Dataset, width: float) -> list[BestBand]:
                 share = stderr = float("nan")
             elif name == "attenuation":
                 stderr = share * abs(float(error[best] / K[best] - error[-1] / K[-1]))
-            else:
-                stderr = share * abs(float(K[best] - K[-1])) * float(z * error[best] / K[best])
+            else:  # by its part of K, which is all of it at most
+                part = error[best] / max(abs(K[best]), error[best]) if error[best] > 0 else 0.0
+                stderr = share * abs(float(K[best] - K[-1])) * float(z * part)
             low = float(row.low_nm.values[best])
             found.append(BestBand(float(z), name, low, low + width, share, stderr))
     return found
