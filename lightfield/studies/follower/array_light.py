@@ -94,6 +94,12 @@ class Space:
         read = scene.detector.distances_m
         return cls(half_width_m, read[0], read[-1])
 
+    def with_pose(self, pose: Array) -> Space:
+        """As far as a pose that may lie outside, shape (6,)."""
+        x, y, z = map(float, pose[:3])
+        wide = max(self.half_width_m, abs(x), abs(y))
+        return Space(wide, min(self.near_m, z), max(self.far_m, z))
+
 
 def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, seed: int = 0) -> Light:
     """The traced field of a scene wherever an array may reach from the formation space.

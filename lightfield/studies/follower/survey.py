@@ -142,9 +142,9 @@ def survey(
     """
     elements = elements_of(array_of(scene))
     space = Space.of_scene(scene) if space is None else space
-    light = light_of(scene, space, elements, photons=photons, seed=seed)
-    model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)
     names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank))
+    light = light_of(scene, space.with_pose(pose), elements, photons=photons, seed=seed)
+    model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)
     parts = model.leave_one_out()
     along = poses_on_axis(scene.lamp, np.linspace(space.near_m, space.far_m, 3))
     along[:, :2] = along[:, :2].clip(-space.half_width_m, space.half_width_m)

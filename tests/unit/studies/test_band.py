@@ -180,9 +180,13 @@ def test_where_nothing_is_lost_there_is_no_share_of_an_attenuation(monkeypatch) 
     line = next(line for line in as_text(found).splitlines() if "8.5 m  least attenuation" in line)
     assert line.endswith("has no share to tell") and "No share to tell: where it is least" in as_text(found)
     assert all(0 <= b.paper_share_stderr < 0.2 for b in found.best if np.isfinite(b.paper_share))
-    lossless = best_band(Scene.from_dict({"lamp": {"hwhm_deg": 8.0}}), False)
-    assert [b.paper_share_stderr for b in lossless.best if b.criterion != "attenuation"] == [0.0] * 4
     assert band_page(found).count("No share to tell: ") == 1
+
+
+def test_water_that_takes_nothing_leaves_shares_without_an_error() -> None:
+    """K is 0, and so is its error: not the one over the other."""
+    found = best_band(Scene.from_dict({"lamp": {"hwhm_deg": 8.0}}), False)
+    assert [b.paper_share_stderr for b in found.best if b.criterion != "attenuation"] == [0.0] * 4
 
 
 @pytest.mark.usefixtures("undrawn")
