@@ -132,8 +132,10 @@ def along_axis(
         ratio = np.exp(ln(z_m))
         error = np.exp(np.interp(z_m, nodes_m, np.log(np.maximum(late.relative_error, 1e-6))))
         # Light of a few photons has the paths of these few.
-        told = np.where(late.relative_error < _BANDWIDTH_KNOWN, late.bandwidth_hz, np.inf)
+        known = (late.diffuse > 0) & (late.relative_error < _BANDWIDTH_KNOWN)
+        told = np.where(known, late.bandwidth_hz, np.inf)
         bandwidth, spread = between_nodes(z_m, nodes_m, told, late.bandwidth_stderr_hz)
+        bandwidth[z_m > nodes_m[known].max(initial=0.0)] = np.nan
         eye = np.interp(z_m, nodes_m, late.eye)
     scale = colours.w_per_sr * receiver.area_mm2 * 1e-6
     power, formula = scale * direct * (1 + ratio), scale * direct

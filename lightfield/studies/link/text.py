@@ -19,10 +19,10 @@ from lightfield.studies.working_range.text import POSE_WORDS
 def headline(found: Link) -> str:
     """One sentence: range for data in the scene's water."""
     r, rate = found.reaches["scene"], found.receiver.bit_rate_per_s
-    far = float(found.dataset.z_m[-1])
+    least, far = (float(found.dataset.z_m[k]) for k in (0, -1))
     return (
-        f"{rate / 1e6:g} Mbit/s reach {reached(r.data_m, r.data_stderr_m, most=far)} in the scene's water; "
-        f"exp(−cz) says {reached(r.data_formula_m, most=far)}."
+        f"{rate / 1e6:g} Mbit/s reach {reached(r.data_m, r.data_stderr_m, most=far, least=least)} in the "
+        f"scene's water; exp(−cz) says {reached(r.data_formula_m, most=far, least=least)}."
     )
 
 
@@ -59,11 +59,12 @@ def rows(found: Link) -> list[list[str]]:
         a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
         docking, near = r.docking, found.docking_to_m
         table.append([
-            name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far),
-            reached(r.data_with_echoes_m, most=far), reached(r.data_formula_m, most=far),
+            name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far, least=least),
+            *(reached(at, most=far, least=least) for at in (r.data_with_echoes_m, r.data_formula_m)),
             reached(docking.z_m, docking.stderr_m, docking.from_m, near, least),
             reached(docking.formula_m, from_m=docking.formula_from_m, most=near, least=least),
-            reached(r.seen_m, r.seen_stderr_m, most=far), reached(r.seen_formula_m, most=far),
+            reached(r.seen_m, r.seen_stderr_m, most=far, least=least),
+            reached(r.seen_formula_m, most=far, least=least),
         ])  # fmt: skip
     return table
 

@@ -16,6 +16,7 @@ from lightfield.robots.field_file import Asked, field_dataset
 from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.studies.follower.array_noise import SensorNoise
+from lightfield.studies.link import arrival
 from lightfield.studies.link.receiver import Receiver
 from lightfield.studies.link.study import Link, link
 from lightfield.studies.link.text import as_data, as_text
@@ -108,6 +109,23 @@ def test_scattered_light_carries_data(murky) -> None:
     relative = float(at.power_stderr_w / at.power_w)
     assert 0 < relative < 0.05
     assert float(at.scattered_over_direct) == pytest.approx(4.3, abs=0.05 + 3 * 4.3 * 1.25 * relative)
+
+
+def test_where_no_data_come_through_nothing_is_said_of_nearer() -> None:
+    found = link(scene(30.0, 0.0), waters={}, to_m=6.0)
+    nowhere = "nowhere from 4 m on"
+    assert as_text(found).startswith(
+        f"1 Mbit/s reach {nowhere} in the scene's water; exp(−cz) says {nowhere}."
+    )
+
+
+def test_scattered_light_that_is_not_known_tells_no_bandwidth(monkeypatch) -> None:
+    """Of three distances the last two have too few photons, or none: not light that comes without delay."""
+    nodes, none = np.array([4.0, 6.0, 8.0]), np.full(3, np.inf)
+    late = arrival._Late(np.array([1e-3, 1e-4, 0.0]), np.array([0.01, 0.5, 0.0]), none, none, np.ones(3))
+    monkeypatch.setattr(arrival, "_late_light", lambda *_: late)
+    found = arrival.along_axis(scene(), Receiver(), nodes, np.array([4.0, 5.0, 8.0]), {})
+    assert found.bandwidth_hz.values.tolist() == pytest.approx([np.inf, np.nan, np.nan], nan_ok=True)
 
 
 @pytest.mark.usefixtures("undrawn")
