@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.errors import RenderError
 from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers, seen_of_back
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.scene import Scene
@@ -126,6 +127,13 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
         # step is up to four times as long, half of one.
         room = min(-left, right, -low, high)
         across = min(across, step * (np.floor(room / step - 0.5) - 1))
+        if not across > 0:
+            raise RenderError(
+                "too little water about the lamp for the light of an array", where="tank",
+                found=f"{room:.3g} m from its axis to the nearest wall or surface",
+                rule=f"{2.5 * step:g} m at least: light is traced in steps of {step:g} m",
+                remedy="a tank that is wider or deeper, or a lamp farther from its walls and surface",
+            )  # fmt: skip
         far = min(far, end - 2 * step)
     reference = reference_for_others(scene)
     return traced_field(scene, Region(across, near, far), photons=photons, seed=seed, reference=reference)

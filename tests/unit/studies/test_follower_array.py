@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightfield.errors import SceneError
-from lightfield.scene import DetectorArray, Follower, Scene
+from lightfield.errors import RenderError, SceneError
+from lightfield.scene import DetectorArray, Follower, Scene, Tank
 from lightfield.studies.follower import survey as surveys
-from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space, light_of
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, grid, on_sphere, rings
 from lightfield.studies.follower.frames import POSE
@@ -39,6 +39,13 @@ def sigma(
 ) -> dict[str, float]:
     model = ArrayModel(FormulaLight(SCENE), elements)
     return bound(model, on_axis(z), names, noise, {"gain": UNKNOWN} if gain else {}).sigma
+
+
+def test_a_tank_too_narrow_for_the_steps_of_a_trace_says_so() -> None:
+    """Not that light is wanted up to -0.1 m, in smaller steps, which nobody can ask for."""
+    narrow = SCENE.model_copy(update={"tank": Tank(width_m=0.8, depth_m=0.6, lamp_depth_m=0.15)})
+    with pytest.raises(RenderError, match=r"0\.15 m from its axis to the nearest.*0\.25 m at least.*deeper"):
+        light_of(narrow, Space(0.05, 0.4, 1.3), SMALL, photons=1e4)
 
 
 def test_light_is_known_where_the_follower_is_though_it_is_not_in_its_space(monkeypatch) -> None:
