@@ -102,6 +102,29 @@ class Space:
         return Space(wide, min(self.near_m, z), max(self.far_m, z))
 
 
+def refuse_walls(scene: Scene, space: Space, elements: Elements) -> None:
+    """Refuse a space in which elements of an array at rest would stand in a wall, or above the surface.
+
+    Raises
+    ------
+    RenderError
+        How far to either side there is room.
+    """
+    if scene.tank is None:
+        return
+    (left, right), (low, high), _ = scene.tank.box_m
+    across, up, _ = np.abs(elements.place_m).max(axis=0)
+    if space.half_width_m + across <= min(-left, right) and up <= min(-low, high):
+        return
+    raise RenderError(
+        "the formation space reaches into a wall", where="half width of the space",
+        found=f"{space.half_width_m:g} m to either side, and an array that reaches {across:.3g} m across and "
+        f"{up:.3g} m up",
+        rule=f"{min(-left, right):.3g} m to either side and {min(-low, high):.3g} m up or down in this tank",
+        remedy="a smaller half width, or a smaller array (array.size_m)",
+    )  # fmt: skip
+
+
 def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, seed: int = 0) -> Light:
     """The traced field of a scene wherever an array may reach from the formation space.
 

@@ -30,6 +30,7 @@ from lightfield.studies.follower.array_light import (
     Space,
     light_of,
     pose_names,
+    refuse_walls,
 )
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
@@ -297,6 +298,8 @@ def bias_study(
         No array; water whose scattering comes from its constituents.
     UsageError
         No light is left at the far end of the space.
+    RenderError
+        The space reaches into a wall.
     """
     elements = elements_of(array_of(scene))
     refuse_several(
@@ -304,6 +307,7 @@ def bias_study(
         rule="the bias is asked for over water.scattering_per_m, the only scattering",
     )  # fmt: skip
     space = Space.of_scene(scene) if space is None else space
+    refuse_walls(scene, space, elements)
     most = max(*scattering_per_m, scene.water.scattering_per_m)
     densest = scene.with_values({"water.scattering_per_m": most})
     refuse_dark(

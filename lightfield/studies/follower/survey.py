@@ -13,7 +13,13 @@ from lightfield.errors import SceneError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
-from lightfield.studies.follower.array_light import ArrayModel, Space, light_of, pose_names
+from lightfield.studies.follower.array_light import (
+    ArrayModel,
+    Space,
+    light_of,
+    pose_names,
+    refuse_walls,
+)
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, pose_of, poses_on_axis
@@ -142,6 +148,7 @@ def survey(
     """
     elements = elements_of(array_of(scene))
     space = Space.of_scene(scene) if space is None else space
+    refuse_walls(scene, space, elements)
     names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank))
     light = light_of(scene, space.with_pose(pose), elements, photons=photons, seed=seed)
     model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)

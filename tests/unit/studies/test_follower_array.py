@@ -12,6 +12,7 @@ from lightfield.scene import DetectorArray, Follower, Scene, Tank
 from lightfield.studies.follower import survey as surveys
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space, light_of
 from lightfield.studies.follower.array_noise import SensorNoise
+from lightfield.studies.follower.bias import bias_study
 from lightfield.studies.follower.elements import Elements, grid, on_sphere, rings
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import UNKNOWN, bound, bounds_together, jackknife
@@ -46,6 +47,19 @@ def test_a_tank_too_narrow_for_the_steps_of_a_trace_says_so() -> None:
     narrow = SCENE.model_copy(update={"tank": Tank(width_m=0.8, depth_m=0.6, lamp_depth_m=0.15)})
     with pytest.raises(RenderError, match=r"0\.15 m from its axis to the nearest.*0\.25 m at least.*deeper"):
         light_of(narrow, Space(0.05, 0.4, 1.3), SMALL, photons=1e4)
+
+
+def test_no_element_stands_in_a_wall_of_the_formation_space() -> None:
+    """A tank of 0.9 m: an array of 0.6 m at 0.4 m to the side would reach 0.25 m into its wall."""
+    array = {"array": DetectorArray(size_m=0.6)}
+    tank = Tank(width_m=0.9, depth_m=0.9, length_m=4.0, behind_lamp_m=0.3)
+    narrow = SCENE.model_copy(update={**array, "tank": tank})
+    for study in (surveys.survey, bias_study):
+        with pytest.raises(
+            RenderError, match=r"0\.4 m to either side, .* 0\.3 m across.*0\.45 m.*half width"
+        ):
+            study(narrow, Space(0.4, 1.0, 2.0), photons=0)
+    assert surveys.survey(narrow, Space(0.15, 1.0, 2.0), photons=0).space.x_m.max() == 0.15
 
 
 def test_light_is_known_where_the_follower_is_though_it_is_not_in_its_space(monkeypatch) -> None:
