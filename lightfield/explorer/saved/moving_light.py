@@ -122,7 +122,7 @@ def moving_light(
         "channels": channels,
         "albedo": scene.reflectances[0],
         "direct": arrays.add(direct),
-        "way": arrays.add(ray.r),
+        "way": arrays.add(ray.water_m),
         "slope": arrays.add(forward.reader.read(np.ones_like(direct), values) - offset),
         "offset": arrays.add(offset),
         "diffuse": None,
