@@ -30,7 +30,7 @@ from lightfield.scene.all_parameters import without
 from lightfield.studies.attenuation.common_errors import stays
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
-from lightfield.studies.attenuation.shared_errors import of_places, sideways, stay_variance
+from lightfield.studies.attenuation.shared_errors import falls, of_places, sideways, stay_variance
 
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
@@ -197,8 +197,9 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     budget = budget_of(table)
     if not budget.gain_stated:
         notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
+    behind = scene.lamp.apparent_distance_m
     variance = stay_variance(
-        table, air, distances, budget.plane_gain, budget.position_m, in_air, scene.lamp.apparent_distance_m
+        table, air, distances, budget.plane_gain, budget.position_m, in_air, behind, falls(ln, path)
     )
     aside = sideways(lossless, table, air, places, place, budget.position_m, in_air)
     place_stderr = np.hypot(of_places(together), aside)

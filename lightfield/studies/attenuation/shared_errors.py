@@ -65,6 +65,7 @@ def stay_variance(
     position_m: float,
     in_air: bool,
     behind_m: float,
+    falls_per_m: float,
 ) -> Array:
     """Variance of the error that all colours of a distance share, shape (n_stays,).
 
@@ -72,12 +73,33 @@ def stay_variance(
     ----------
     behind_m : float, m
         From the window back to where the light seems to come from.
+    falls_per_m : float, 1/m
+        By how much the logarithm of light falls in water besides, see `falls`.
     """
     visit, z = layout_of(table).visit, np.round(table.z_m, PLACE_DECIMALS) + 0.0
     variance = np.zeros(len(distances))
     for k, distance in enumerate(distances):
-        one = gain**2 + (2.0 * position_m / (distance + behind_m)) ** 2  # the slope of an inverse square
-        for medium in [air, ~air] if in_air else [~air]:
+        spread = 2.0 / (distance + behind_m)  # the slope of an inverse square
+        for medium, slope in ((air, spread), (~air, spread + falls_per_m))[0 if in_air else 1 :]:
             visits = len(np.unique(visit[medium & (z == distance)]))
-            variance[k] += one / max(visits, 1)
+            variance[k] += (gain**2 + (slope * position_m) ** 2) / max(visits, 1)
     return variance
+
+
+def falls(y: Array, path_m: Array) -> float:
+    """Roughly the attenuation, 1/m, in the mean over the colours: not below zero.
+
+    Parameters
+    ----------
+    y : array, shape (n_places, n_colours)
+        ln(water / air); NaN where nothing was read.
+    path_m : array, shape (n_places,), m
+    """
+    known = np.isfinite(y) & np.isfinite(path_m)[:, None]
+    count = np.maximum(known.sum(axis=0), 1)
+    path, value = (np.where(known, v, 0.0) for v in (path_m[:, None], y))
+    path, value = (np.where(known, v - v.sum(axis=0) / count, 0.0) for v in (path, value))
+    spread = (path**2).sum(axis=0)
+    told = spread > 0
+    slope = -(path * value).sum(axis=0)[told] / spread[told]
+    return max(float(slope.mean()), 0.0) if told.any() else 0.0
