@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from lightfield.render.reflected import room
 from lightfield.render.reflected.from_lamp import fresnel, image_of_lamp
 from lightfield.render.reflected.orders import REFLECTIONS, reflections_of
 from lightfield.render.reflected.patches import transfer
@@ -314,3 +315,17 @@ def test_opaque_water_stays_dark() -> None:
     for attenuation in np.arange(2.0, 3.0, 0.03):
         light = reflected.evaluate(scene, attenuation)
         assert (light < np.exp(-attenuation * z) / z**2 + 1e-39).all()
+
+
+def test_a_surface_that_mirrors_more_than_all_is_between_nodes_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As far as a scene may state it, light between walls of 0.5 is to 0.1 % what it is with a node there."""
+    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.5, "tank.surface": "flat"})
+    places, taken = np.array([[0.0, 0.0, 4.5], [0.4, 0.3, 6.5]]), np.array([0.1])
+    for reflectance in (1.25, 1.5):
+        assert scene.tank is not None
+        tank = scene.tank.model_copy(update={"surface_reflectance": reflectance})
+        light = Room(scene, places, False).light(scene.lamp, taken, tank)
+        with monkeypatch.context() as exact:
+            exact.setattr(room, "SURFACE_NODES", (reflectance,))
+            right = Room(scene, places, False).light(scene.lamp, taken, tank)
+        assert light == pytest.approx(right, rel=1e-3)
