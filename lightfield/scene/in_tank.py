@@ -84,8 +84,7 @@ def check_all_inside(detector: Detector, lamp: Lamp, follower: Follower | None, 
         check_lamp_inside(lamp, tank)
         if follower is not None:
             check_follower_inside(follower, tank)
-    places = detector.positions_m
-    nearest = min(detector.planes_m if places is None else [z for _, _, z in places])
+    nearest = detector.distances_m[0]
     if nearest < lamp.least_distance_m:
         raise RuleError(
             f"a detector at z = {nearest:g} is too near to a source at {-lamp.apparent_distance_m:g} m "

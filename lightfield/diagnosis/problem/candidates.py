@@ -132,7 +132,8 @@ class Setting:
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
             "extent": (max(far - near, _SHORTEST_RANGE_M), 0.0),
-            "nearest": (max(near, _SHORTEST_RANGE_M), 0.0),
+            # What is found has to be possible beside the scene's own planes as well.
+            "nearest": (min(near, self.scene.detector.distances_m[0]), 0.0),
             "spread": (self.spread_per_m, 0.0),
             "attenuation": (self.attenuation_per_m, 0.0),
         }[per]

@@ -65,8 +65,8 @@ class Free:
         "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
         "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "extent" (from that to this), "nearest"
-        (distance of that), "spread" (of the attenuation in the band, 1/m, as water may have it),
-        "attenuation" (of the scene's water, 1/m).
+        (distance of that, or of the scene's own if it is nearer), "spread" (of the attenuation in the band,
+        1/m, as water may have it), "attenuation" (of the scene's water, 1/m).
     grid : tuple of float
         Start values of a shape parameter, one that means nothing while the amplitude is zero.
     inverse_square : bool

@@ -8,11 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lightfield.diagnosis.problem.candidates import Setting
+from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.effects import Effect, Form, Free, lamp, registry
 from lightfield.fitting.parameter import FitParameter
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import acts_on
@@ -233,3 +236,15 @@ def own_effect(physics: str) -> dict[str, object]:
     size = {"range": [-0.3, 0.3], "neutral": 0.0, "typical": 0.05}
     formula = {"stage": "path", "formula": "1 - a*(x > 0)", "parameters": {"a": size}}
     return {"name": "shade", "family": "path", "physics": physics, **formula}
+
+
+def test_a_source_in_front_of_the_window_is_possible_beside_the_planes_of_the_scene() -> None:
+    """Which may be nearer than the readings: at the end of what is tried the scene is one."""
+    scene = Scene.from_dict({"detector": {"planes_m": [1.0, 2.0]}})
+    table = Readings.from_arrays(z_m=[4.0, 6.0, 8.0, 9.0], value=[4.0, 2.0, 1.0, 0.8])
+    setting = Setting(scene, layout_of(table), 1.0, 50.0)
+    form = effects.get("apparent_source").forms[1]
+    (free,) = form.amplitudes
+    factor, offset = setting.scale(free.per)
+    nearest = scene.with_values({free.path: free.low * factor + offset})
+    assert nearest.lamp.apparent_distance_m == pytest.approx(-0.25)
