@@ -192,6 +192,8 @@ def halves(spectrum: NDArray[np.int_] | None, wavelength_nm: ArrayLike | None) -
 
 
 _AS_USUAL = Taken()
+#: Second order is taken out so many times, each from what is left: of half a wavelength, of its half...
+_ORDERS = 8
 
 
 def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: Taken = _AS_USUAL) -> Array:
@@ -235,3 +237,43 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
             s = s * (1.0 - detector.saturation_quadratic * s)
         reading = level * s
     return reading
+
+
+def signal_of(scene: Scene, reading: ArrayLike, full: float, taken: Taken = _AS_USUAL) -> tuple[Array, Array]:
+    """The signal in water that an instrument shows so: `readout` backwards, but for the immersion factor.
+
+    Parameters
+    ----------
+    scene : Scene
+        As for `readout`.
+    reading : array
+    full : float
+        Largest reading of the measurement.
+
+    Returns
+    -------
+    signal, slope : array
+        Gain x light over the immersion factor, and its derivative by the reading itself; NaN where no light
+        is shown so, because the instrument saturates below.
+    """
+    detector, level = scene.detector, full or 1.0
+    s = np.asarray(reading, dtype=float) / level
+    slope = np.ones_like(s)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if k := detector.saturation_quadratic:
+            root = np.sqrt(1.0 - 4.0 * k * s)
+            s, slope = (1.0 - root) / (2.0 * k), 1.0 / root
+        if k := detector.saturation:
+            left = np.where(k * s < 1.0, 1.0 - k * s, np.nan)
+            s, slope = s / left, slope / left**2
+    signal = level * s - ambient(scene, taken.time_s, taken.wavelength_nm)
+    if detector.stray_light and taken.spectrum is not None:
+        mean = np.bincount(taken.spectrum, signal) / np.bincount(taken.spectrum)
+        kept = 1.0 - detector.stray_light
+        signal, slope = (signal - detector.stray_light * mean[taken.spectrum]) / kept, slope / kept
+    if detector.second_order and taken.halves is not None:
+        shown = signal
+        for _ in range(_ORDERS):
+            signal = shown - detector.second_order * taken.halves.of(signal)
+    gain = plane_gain(scene, taken.z_m)
+    return np.asarray(signal / gain), np.asarray(slope / gain)

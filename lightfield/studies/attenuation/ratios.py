@@ -21,7 +21,7 @@ from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE, own_part
 from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
 from lightfield.formula.closed_form import direct_field
-from lightfield.formula.readout import ambient, time_factor
+from lightfield.formula.readout import Taken, halves, signal_of, spectra, time_factor
 from lightfield.readings import Readings
 from lightfield.readings.load_warning import Remarks
 from lightfield.scene import Scene, Water
@@ -152,11 +152,9 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     places, place = _labels(table.x_m, table.y_m, table.z_m, decimals=PLACE_DECIMALS)
     colours, colour = _labels(table.wavelength_nm, decimals=WAVELENGTH_DECIMALS)
     shape = (len(places), len(colours))
-    light = (table.value - ambient(scene, table.time_s, table.wavelength_nm)) / time_factor(
-        scene, table.time_s
-    )
-    relative, notes = _relative_errors(table, light, place * len(colours) + colour, air)
-    common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value / light)
+    light, slope = _light(table, scene, air, float(np.abs(readings.value).max()))
+    relative, notes = _relative_errors(table, light, slope, place * len(colours) + colour, air)
+    common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value * slope / light)
     relative = own_part(relative, common)
     x, y, z = places.T
     lossless = without(scene, IN_WATER)
@@ -252,12 +250,33 @@ def _labels(*columns: Array, decimals: int) -> tuple[Array, NDArray[np.int_]]:
     return rows, label.ravel()
 
 
+def _light(table: Readings, scene: Scene, air: NDArray[np.bool_], full: float) -> tuple[Array, Array]:
+    """The light that was read as if the lamp were steady, and its derivative by the reading.
+
+    Without what the scene says of background, planes' gains, saturation, stray light and second order.
+    """
+    spectrum = spectra(table.x_m, table.y_m, table.z_m, air, table.time_s)
+    overlap = halves(spectrum, table.wavelength_nm)
+    taken = Taken(air, spectrum, table.time_s, overlap, table.z_m, table.wavelength_nm)
+    light, slope = signal_of(scene, table.value, full, taken)
+    if np.isnan(light).any():
+        raise MeasurementError(
+            "readings are larger than this instrument shows", where=table.source or None,
+            found=f"{int(np.isnan(light).sum())} of {len(light)}",
+            rule="what detector.saturation leaves of any light",
+            remedy="correct detector.saturation, or mark what saturates in the column saturated",
+        )  # fmt: skip
+    steady = time_factor(scene, table.time_s)
+    return light / steady, slope / steady
+
+
 def _relative_errors(
-    table: Readings, light: Array, group: NDArray[np.int_], air: NDArray[np.bool_]
+    table: Readings, light: Array, slope: Array, group: NDArray[np.int_], air: NDArray[np.bool_]
 ) -> tuple[Array, list[Remark]]:
-    """Standard error over each reading, from the table, from repeats, or assumed; and what was assumed."""
+    """Standard error over the light of each reading, from the table, from repeats, or assumed; and what was
+    assumed."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        stated = np.abs(table.stderr / light)
+        stated = np.abs(table.stderr * slope / light)
     missing = ~(np.isfinite(stated) & (table.stderr > 0))
     if not missing.any():
         return stated, []
