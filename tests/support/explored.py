@@ -67,10 +67,10 @@ def error(page) -> float:
 
 def until_error(page, high: float, low: float = 0.0) -> float:
     """The error once it lies between two values."""
-    for _ in range(PATIENCE_MS // 100):
+    for _ in range(PATIENCE_MS // 20):
         if low <= error(page) < high:
             return error(page)
-        page.wait_for_timeout(100)
+        page.wait_for_timeout(20)
     raise AssertionError(f"error {error(page)} %, not {low} to {high} %")
 
 

@@ -30,8 +30,8 @@ planes_m = [2.0, 3.0]
 width_m = 1.0
 pixels = 12
 """
-# Four traces, one for each beam; four blocks of six or nine waters for each trace.
-VARY = ("--vary", "lamp.hwhm_deg=3,4,5,6", "--vary", "water.scattering_per_m=0:0.3:11",
+# Three traces, one for each beam; four blocks of six or nine waters for each trace.
+VARY = ("--vary", "lamp.hwhm_deg=3,4,5", "--vary", "water.scattering_per_m=0:0.3:11",
         "--vary", "water.absorption_per_m=0.05,0.1,0.2")  # fmt: skip
 BUDGET = ("--max-photons", "2e4", "--rel-error", "0.5")
 # Small blocks, so that a small sweep has many of them.

@@ -69,10 +69,10 @@ def test_a_lost_connection_comes_back_with_its_state(page) -> None:
     painted = int(page.locator("html").get_attribute("data-painted"))
     page.evaluate("() => window.dispatchEvent(new Event('online'))")  # as after a sleep: the line is dropped
     page.locator("#connection.lost").wait_for(state="detached")
-    for _ in range(PATIENCE_MS // 100):
+    for _ in range(PATIENCE_MS // 20):
         if int(page.locator("html").get_attribute("data-painted")) > painted:
             break
-        page.wait_for_timeout(100)
+        page.wait_for_timeout(20)
     assert error(page) == after
 
 
