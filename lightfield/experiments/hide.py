@@ -172,10 +172,13 @@ def replaced_in(folder: Path) -> list[str]:
 def _amplitudes(candidate: Candidate, strength: float, rng: np.random.Generator) -> dict[str, float]:
     """Values of one effect: amplitudes of a given strength with random signs, shapes anywhere plausible."""
     out = {}
+    real = {free.path: free.real for free in candidate.form.amplitudes}
     for parameter, typical in zip(candidate.amplitudes, candidate.typical, strict=True):
+        most = real[parameter.path]
+        high = parameter.high if most is None else min(parameter.high, most)
         up = parameter.start <= parameter.low or rng.random() < 0.5
-        sign = 1.0 if up and parameter.start < parameter.high else -1.0
-        room = abs((parameter.high if sign > 0 else parameter.low) - parameter.start)
+        sign = 1.0 if up and parameter.start < high else -1.0
+        room = abs((high if sign > 0 else parameter.low) - parameter.start)
         out[parameter.path] = parameter.value(parameter.start + sign * min(strength * typical, 0.5 * room))
     for k, parameter in enumerate(candidate.shapes):
         grid = np.array([point[k] for point in candidate.grid])

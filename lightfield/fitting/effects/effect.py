@@ -76,6 +76,8 @@ class Free:
         in multiples of that of `per`.
     needs : tuple of str
         Conditions on the readings without which this parameter stays fixed.
+    real : float, optional
+        The most that there is of it, where a fit may go beyond by its error; no more is hidden.
     """
 
     path: str
@@ -87,6 +89,7 @@ class Free:
     inverse_square: bool = False
     square: bool = False
     needs: tuple[Need, ...] = ()
+    real: float | None = None
 
 
 @dataclass(frozen=True)

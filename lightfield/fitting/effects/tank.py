@@ -27,8 +27,8 @@ EFFECTS = (
     Effect(
         "surface_reflection",
         "diffuse light",
-        # Water has 1: its end is farther, or fits of a plain surface would lie there, without an error.
-        (Form("Fresnel", (Free("tank.surface_reflectance", 0.0, 1.3, 0.1),)),),
+        # Were its end where water has it, fits of a plain surface would lie there, without an error.
+        (Form("Fresnel", (Free("tank.surface_reflectance", 0.0, 1.3, 0.1, real=1.0),)),),
         "The water surface mirrors the beam, totally beyond the critical angle.",
         "An excess near the surface, as from a second lamp above it.",
         "Float a dark sheet on the water; lower the lamp; read at several depths.",

@@ -59,7 +59,8 @@ def test_an_effect_that_is_switched_on_is_fitted_as_compare_fits_it(session: Ses
     fitted = session.state_data()["parameters"]["detector.background"]
     estimate = report.estimates["detector.background"]
     assert fitted["value"] == pytest.approx(estimate.value, rel=1e-2)
-    assert fitted["stderr"] == pytest.approx(estimate.stderr, rel=0.1)
+    # The noise is judged beside other models: from some 40 freedoms, to a tenth of its errors.
+    assert fitted["stderr"] == pytest.approx(estimate.stderr, rel=0.25)
     assert [rung["at"] for rung in session.state_data()["ladder"]] == [0, 1]
 
 
