@@ -156,15 +156,20 @@ def base_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> T
     return tested
 
 
-def _prepared(problem: Problem, quoted: Array, budget: Budget, known: Sequence[Fitted] = ()) -> Prepared:
-    """Outliers judged beside the rich model."""
+def _prepared(
+    problem: Problem, quoted: Array, budget: Budget, known: Sequence[Fitted] = (), by_law: bool = False
+) -> Prepared:
+    """Outliers judged beside the rich model; `by_law`: the errors are those that the scatter told.
+
+    These are not asked about again: two laws may call for each other for ever.
+    """
     usable, stated = problem.keep, errors_stated(quoted)
     kept = beside_base(problem, quoted, True, budget)
     problem, whiten, base = kept[:3]
-    law = _law(kept) if stated else None
+    law = _law(kept) if stated and not by_law else None
     if law is not None:
         every = replace(problem, keep=usable)
-        made = _prepared(every, law, budget, known)
+        made = _prepared(every, law, budget, known, by_law=True)
         # A base model that misses the readings by far has a scatter of its own: what describes them is asked.
         again = prepare_about(every, quoted, budget, made.explanation, made.reference)
         return replace(again, known=made.known, to_trace_per_m=made.to_trace_per_m)
