@@ -135,10 +135,13 @@ class Layout:
     def moment(self) -> Labels:
         """Labels from 0: readings that were taken at once at one place share theirs, shape (n,).
 
-        Where the stage stands a spectrometer reads every band, and the place is wrong once.
+        Where the stage stands a spectrometer reads every band, and the place is wrong once. Without times the
+        bands of a place were read at once, as far as anybody knows.
         """
-        if not self.has_time or self.one_channel:
+        if self.one_channel:
             return np.arange(self.size)
+        if not self.has_time:
+            return np.unique(self.spectrum, return_inverse=True)[1].ravel()
         at = np.stack([self.position, self.air, *np.round([self.x_m, self.y_m, self.z_m], PLACE_DECIMALS)])
         return np.unique(at, axis=1, return_inverse=True)[1].ravel()
 
