@@ -51,8 +51,9 @@ class LightAt:
 
     @property
     def relative_modes(self) -> Array:
-        """Errors of ln(all light), shape (n, k)."""
-        return np.asarray(self.modes / self.total[:, None])
+        """Errors of ln(all light), shape (n, k); none where there is no light."""
+        total = self.total[:, None]
+        return np.divide(self.modes, total, out=np.zeros_like(self.modes), where=total > 0)
 
 
 def diffuse_response_at(

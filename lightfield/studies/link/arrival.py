@@ -1,6 +1,6 @@
 """Light of one water along the axis: how much arrives, by the lamp's spectrum in the band, and how late.
 
-    P(z) = A sum over colours  I_k [E_k(z) + S_k(z)]     received power
+    P(z) = A sum over colours  I_k [E_k(z) + S_k(z)]     received power; of a radiance times its cone
 
 I_k is the radiant intensity on the axis in a part of the scene's first band, weighed by the detector's
 response over its mean there (`scene.bands.over_band`, W/sr): what the lamp sends outside the band counts
@@ -26,7 +26,7 @@ from lightfield.render.diffuse.shift import Shift
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import positions_grid
 from lightfield.render.response.response import Reference
-from lightfield.scene import Scene
+from lightfield.scene import Detector, Scene
 from lightfield.scene.bands import first_band_w_per_sr, over_first_band
 from lightfield.scene.lamp.width import core_width_deg
 from lightfield.scene.water.coefficients import (
@@ -137,7 +137,7 @@ def along_axis(
         bandwidth, spread = between_nodes(z_m, nodes_m, told, late.bandwidth_stderr_hz)
         bandwidth[z_m > nodes_m[known].max(initial=0.0)] = np.nan
         eye = np.interp(z_m, nodes_m, late.eye)
-    scale = colours.w_per_sr * receiver.area_mm2 * 1e-6
+    scale = colours.w_per_sr * receiver.area_mm2 * 1e-6 * _cone_sr(water.detector)
     power, formula = scale * direct * (1 + ratio), scale * direct
     return xr.Dataset(
         {
@@ -153,6 +153,12 @@ def along_axis(
         },
         coords={"z_m": ("z_m", z_m, {"units": "m"})},
     )
+
+
+def _cone_sr(detector: Detector) -> float:
+    """What makes power of the light that a detector reads, over its area: of a radiance its cone, sr."""
+    half = np.radians(0.5 * detector.full_angle_deg)
+    return float(2 * np.pi * (1 - np.cos(half))) if detector.quantity == "radiance" else 1.0
 
 
 @dataclass(frozen=True)

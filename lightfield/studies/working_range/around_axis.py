@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,38 +15,44 @@ from lightfield.arrays import Array
 RADII = np.array([0.0, 0.35, 0.7, 1.05, 1.5, 2.0])
 #: Steps on which the radius of half intensity is looked for.
 _SCAN = 600
+#: No light, for logarithms.
+DARK = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothField:
-    """Light around the axis as a smooth function of distance and radius, round about the axis.
+    """Light around the axis, round about it: direct light, and a smooth factor for what was scattered.
 
     Parameters
     ----------
     z_m : array, shape (n_z,), m
     width : float
         Tangent of the beam's half width.
-    log : array, shape (n_z, n_radii)
-        ln(E z^2) at the radii `RADII` width z.
+    excess : array, shape (n_z, n_radii)
+        ln(all light / direct light) at the radii `RADII` width z.
+    direct : callable
+        Direct light, 1/m^2, at radii and distances, m: a beam may end as steeply as it likes.
     """
 
     z_m: Array
     width: float
-    log: Array
+    excess: Array
+    direct: Callable[[Array, Array], Array]
 
     @cached_property
     def _spline(self) -> RectBivariateSpline:
-        return RectBivariateSpline(self.z_m, RADII**2, self.log, kx=3, ky=3)
+        return RectBivariateSpline(self.z_m, RADII**2, self.excess, kx=3, ky=3)
 
     def at(self, rho2_m2: Array, z_m: Array) -> Array:
         """Light at squared radii and distances, 1/m^2."""
         u2 = rho2_m2 / (self.width * z_m) ** 2
-        return np.asarray(np.exp(self._spline.ev(z_m, u2)) / z_m**2)
+        return self.direct(np.sqrt(rho2_m2), z_m) * np.exp(self._spline.ev(z_m, u2))
 
     def half_radius(self, z_m: float) -> float:
         """Radius at which half of the light on the axis is left, m; NaN beyond the last one."""
-        there = np.linspace(0, RADII[-1] ** 2, _SCAN)
-        log = self._spline(z_m, there)[0]
+        there = np.linspace(0, RADII[-1], _SCAN) ** 2
+        at = np.full(len(there), z_m)
+        log = np.log(np.maximum(self.at(there * (self.width * z_m) ** 2, at), DARK))
         below = np.flatnonzero(log < log[0] - np.log(2))
         if not below.size:
             return float("nan")

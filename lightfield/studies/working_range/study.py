@@ -28,7 +28,7 @@ from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.parameters import told
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
-from lightfield.studies.working_range.around_axis import RADII, SmoothField
+from lightfield.studies.working_range.around_axis import DARK, RADII, SmoothField
 from lightfield.studies.working_range.poses import known_poses
 from lightfield.studies.working_range.reaches import (
     POSES,
@@ -51,14 +51,15 @@ _ON_AXIS = 0.005
 #: Polynomials that smooth scattered light in distance and squared radius; the least relative error they weigh
 #: by (that of the response's interpolation), so that near light does not outweigh all other.
 _DEGREES, _LEAST_ERROR = (4, 3), 1e-3
+#: Beside a beam that ends steeply all is scattered, and no factor on direct light: from this part of that on
+#: the axis on. A Gaussian has six times as much at the last radius. Chosen.
+_BESIDE = 0.01
 #: Distances that are answered at.
 _SHOWN = 61
 #: Step of derivatives, m.
 _STEP_M = 1e-3
 #: Light of a wider beam is asked for as of one of this width, degrees: there the inverse square leaves half.
 _WIDEST_DEG = 45.0
-#: No light, for logarithms.
-_DARK = 1e-300
 #: Kept free before the end of a tank, m.
 _BEFORE_WALL_M = 0.05
 
@@ -217,8 +218,12 @@ def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[SmoothF
     along, radius = (v.ravel() for v in np.meshgrid(z, RADII, indexing="ij"))
     x = lamp.offset_x_m + towards * radius * width * along
     light = light_at(scene, x, np.full(len(x), lamp.offset_y_m), along, trace)
-    log = np.log(np.maximum(light.direct, _DARK) * along**2) + _smooth(light, along, radius)
-    return SmoothField(z, width, log.reshape(len(z), -1)), light
+
+    def direct(rho_m: Array, z_m: Array) -> Array:
+        y = np.full(len(z_m), lamp.offset_y_m)
+        return light_at(scene, lamp.offset_x_m + towards * rho_m, y, z_m, None).direct
+
+    return SmoothField(z, width, _smooth(light, along, radius).reshape(len(z), -1), direct), light
 
 
 def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
@@ -231,8 +236,11 @@ def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
     terms = chebyshev.chebvander2d(
         2 * (z - z.min()) / np.ptp(z) - 1, 2 * (radius / RADII[-1]) ** 2 - 1, _DEGREES
     )
-    weight = 1.0 / np.maximum(np.linalg.norm(light.relative_modes, axis=1), _LEAST_ERROR)
-    excess = np.log(np.maximum(light.total, _DARK) / np.maximum(light.direct, _DARK))
+    rows = light.direct.reshape(-1, len(RADII))
+    lit_up = (rows > _BESIDE * rows[:, :1]).ravel()
+    error = np.linalg.norm(light.modes, axis=1) / np.where(lit_up, light.total, 1.0)
+    weight = np.where(lit_up, 1.0 / np.maximum(error, _LEAST_ERROR), 0.0)
+    excess = np.where(lit_up, np.log(np.maximum(light.total, DARK) / np.maximum(light.direct, DARK)), 0.0)
     coefficients = np.linalg.lstsq(weight[:, None] * terms, weight * excess, rcond=None)[0]
     return np.asarray(terms @ coefficients)
 
@@ -245,7 +253,7 @@ def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:
         nearest = int(np.argmin(np.abs(RADII * field.width * z[k] - half[k])))
         error = float(np.linalg.norm(modes[k, nearest] - modes[k, 0]))
         r = half[k] + np.array([-_STEP_M, _STEP_M])
-        low, high = np.log(field.at(r**2, np.full(2, z[k])))
+        low, high = np.log(np.maximum(field.at(r**2, np.full(2, z[k])), DARK))
         found[k] = error * 2 * _STEP_M / abs(high - low)
     return found
 

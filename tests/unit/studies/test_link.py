@@ -111,6 +111,14 @@ def test_scattered_light_carries_data(murky) -> None:
     assert float(at.scattered_over_direct) == pytest.approx(4.3, abs=0.05 + 3 * 4.3 * 1.25 * relative)
 
 
+def test_behind_a_collimator_the_lamp_gives_the_power_that_it_gives_without(clear) -> None:
+    """It takes all that comes straight along the axis; a radiance is that over the cone of 2 degrees."""
+    narrow = {"quantity": "radiance", "full_angle_deg": 2.0}
+    seen = Scene.from_dict({**scene(0.2, 0.0).model_dump(exclude_none=True), "detector": narrow})
+    found, plain = (one.dataset.power_w.sel(water="scene").values for one in (link(seen, waters={}), clear))
+    np.testing.assert_allclose(found, plain, rtol=1e-6)
+
+
 def test_where_no_data_come_through_nothing_is_said_of_nearer() -> None:
     found = link(scene(30.0, 0.0), waters={}, to_m=6.0)
     nowhere = "nowhere from 4 m on"

@@ -76,6 +76,22 @@ def test_the_spot_of_a_table_is_that_of_the_beam_that_is_tabulated(tmp_path) -> 
     np.testing.assert_allclose(found.dataset.half_radius_m, known.dataset.half_radius_m, rtol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("parts", "half_deg"),
+    [
+        ({"lamp": {"profile": "super-gaussian", "shape_exponent": 50.0, "hwhm_deg": 8.0}}, 8.0),
+        ({"lamp": {"hwhm_deg": 8.0}, "detector": {"quantity": "radiance", "full_angle_deg": 2.0}}, 1.0),
+    ],
+)
+def test_the_spot_of_what_ends_steeply_ends_there(parts: dict, half_deg: float) -> None:
+    """A flat beam, and a tube that sees the lamp within 1 degree alone: no smooth curve leads to nothing."""
+    base = scene(**parts)
+    trace = partial(response_for, share=0.05)
+    for found in (working_range(base, None), working_range(base, trace, photons=1e4, to_m=6.0)):
+        ratio = found.dataset.half_radius_m / found.dataset.z_m
+        np.testing.assert_allclose(ratio, np.tan(np.radians(half_deg)), rtol=0.02)
+
+
 def test_light_is_asked_for_in_the_water_wherever_the_lamp_is(monkeypatch) -> None:
     """Beside a wall of a tank 2 m wide, towards its middle: the radius is that of a lamp in the middle."""
     asked, of = [], study.light_at
