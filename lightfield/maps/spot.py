@@ -108,6 +108,8 @@ def _measure(
     nothing = (peak, np.nan, np.nan, np.nan, np.nan)
     if not peak > 0:
         return nothing, Unmeasured.DARK
+    if min(value.shape) < 2:  # a row of pixels has no contour
+        return nothing, Unmeasured.BEYOND_EDGE
     contours = find_contours(value, 0.5 * peak)
     closed = [c for c in contours if len(c) > 8 and np.array_equal(c[0], c[-1])]
     around = [c for c in closed if _encloses(c, at)]

@@ -18,6 +18,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array, jsonable
+from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
@@ -297,7 +298,7 @@ def bias_study(
     SceneError
         No array; water whose scattering comes from its constituents.
     UsageError
-        No light is left at the far end of the space.
+        No light is left at the far end of the space; a space of one distance.
     RenderError
         The space reaches into a wall.
     """
@@ -308,6 +309,12 @@ def bias_study(
     )  # fmt: skip
     space = Space.of_scene(scene) if space is None else space
     refuse_walls(scene, space, elements)
+    if not space.far_m > space.near_m:
+        raise UsageError(
+            "one distance does not tell what K a follower fits", where="the formation space",
+            found=f"{space.near_m:g} m alone", rule="from the first to the last distance of the detector",
+            remedy="give detector.planes_m a second distance",
+        )  # fmt: skip
     most = max(*scattering_per_m, scene.water.scattering_per_m)
     densest = scene.with_values({"water.scattering_per_m": most})
     refuse_dark(

@@ -22,6 +22,12 @@ def test_round_spots_of_any_profile(power):
     assert found.ellipticity == pytest.approx(1, abs=1e-6)
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])
+def test_a_row_of_pixels_has_no_shape(shape):
+    found = spot_shape(np.ones(shape), np.arange(shape[1]) * 0.1, np.arange(shape[0]) * 0.1)
+    assert found.problem is Unmeasured.BEYOND_EDGE and found.peak == pytest.approx(1.0)
+
+
 def test_shifted_elliptic_spot():
     found = spot_shape(spot(0.25, 0.4, 0.13, -0.07), X, Y)
     assert (found.centre_x_m, found.centre_y_m) == pytest.approx((0.13, -0.07), abs=1e-3)

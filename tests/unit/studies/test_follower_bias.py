@@ -73,6 +73,11 @@ def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
     assert np.abs(found.bias[:3]).max() > 5 * sigma[0]  # there is something to see
 
 
+def test_one_distance_tells_no_attenuation() -> None:
+    with pytest.raises(UsageError, match=r"found '6 m alone'.*second distance"):
+        bias_study(SCENE, Space(0.2, 6.0, 6.0), photons=0)
+
+
 def test_four_readings_do_not_tell_five_coordinates() -> None:
     """By their sum the distance, if the gain is known; without it nothing. As the bound has it."""
     model, pose = ArrayModel(FormulaLight(SCENE), grid((2, 2), 0.2)), np.array([0, 0, 6.0, 0, 0, 0])
