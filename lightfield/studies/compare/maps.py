@@ -317,7 +317,9 @@ def on_cells(
     def field(x: Array, y: Array) -> Array:
         return formula(scene, x, y, np.full_like(x, z_m), spectrum)
 
-    return cell_mean(field, x_m, y_m, pitch_m(x_m), pitch_m(y_m))
+    # One cell alone does not tell its size: the plane does.
+    pitches = (pitch_m(c) or size for c, size in zip((x_m, y_m), scene.plane_size_m, strict=True))
+    return cell_mean(field, x_m, y_m, *pitches)
 
 
 def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: BandLight) -> Array:

@@ -98,6 +98,14 @@ def test_the_axis_is_that_of_the_lamp_wherever_it_meets_the_plane():
     assert "the lamp's axis meets none of the planes" in as_text(found[2])
 
 
+def test_one_pixel_is_as_large_as_its_plane():
+    """Half of the beam's width: at its middle it is a fifth brighter than in the mean."""
+    detector = {"planes_m": [1.0], "width_m": 0.1, "pixels": 1}
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 4.0}, "detector": detector})
+    plane = compare(to_dataset(render_scene(scene, max_photons=2e4, rel_error=0.01))).planes[0]
+    assert abs(plane.axis_error) < 4 * plane.axis_error_stderr + 2e-3
+
+
 def test_shape_of_both_spots(make, formula):
     plane = compare(to_dataset(make(glow=0.0, lamp__ellipticity=1.3, lamp__offset_x_m=0.1)), formula).planes[
         0
