@@ -17,7 +17,7 @@ from scipy.ndimage import gaussian_filter
 from lightfield.arrays import Array, finite
 from lightfield.errors import UsageError
 from lightfield.formula.closed_form import direct_field
-from lightfield.maps.cells import cell_mean, pitch_m
+from lightfield.maps.cells import cell_mean, nodes_for, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
 from lightfield.scene.bands import BandLight, at_wavelengths, over_band
@@ -318,8 +318,8 @@ def on_cells(
         return formula(scene, x, y, np.full_like(x, z_m), spectrum)
 
     # One cell alone does not tell its size: the plane does.
-    pitches = (pitch_m(c) or size for c, size in zip((x_m, y_m), scene.plane_size_m, strict=True))
-    return cell_mean(field, x_m, y_m, *pitches)
+    pitches = [pitch_m(c) or size for c, size in zip((x_m, y_m), scene.plane_size_m, strict=True)]
+    return cell_mean(field, x_m, y_m, *pitches, nodes_for(scene.detector, z_m, max(pitches)))
 
 
 def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: BandLight) -> Array:
