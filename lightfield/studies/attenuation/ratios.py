@@ -39,11 +39,8 @@ _FAINT_SIGMA = 12.0
 _OF_PLACES = ("x_m", "y_m", "z_m", "path_m", "place_stderr", "geometry")
 #: What `import` remarks of darks, in the head of its table.
 _DARK_DOUBTS = {Remarks.NO_DARK.value, Remarks.LIT_DARK.value}
-#: What makes of light a reading that is no multiple of it, or another one at another time.
-_BENDING = (
-    "detector.saturation", "detector.saturation_quadratic", "detector.stray_light", "detector.second_order",
-    "water.drift_per_m_per_hour", "water.settling_per_m",
-)  # fmt: skip
+#: What makes another reading of the same light at another time, and is not taken out.
+_CHANGING = ("water.drift_per_m_per_hour", "water.settling_per_m")
 #: Entry of a table's head.
 PUBLISHED = "published_attenuation"
 #: A slope needs so many distances.
@@ -178,7 +175,7 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     both = np.isfinite(water) & np.isfinite(other)
     if _DARK_DOUBTS & {*readings.metadata.get("imported", {}).get("remarks", ())}:
         notes.append(Remark(Studied.DARK_LEFT))
-    if left := _left_in(scene, in_air):
+    if left := _left_in(scene):
         notes.append(Remark(Studied.READOUT_LEFT, why=", ".join(left)))
     if lost := int((both & ~bright).sum()):
         notes.append(Remark(Studied.FAINT, lost, int(both.sum()), _FAINT_SIGMA))
@@ -208,11 +205,10 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     return _enough(found, where)
 
 
-def _left_in(scene: Scene, in_air: bool) -> list[str]:
+def _left_in(scene: Scene) -> list[str]:
     """What the scene says that readings hold, and their ratio still does: paths of its parameters."""
     own = [e.name for e in scene.effect if not e.is_off and (e.stage == "readout" or e.speaks_of("time"))]
-    paths = (*_BENDING, *(() if in_air else ("detector.plane_departure",)))
-    return [path for path in paths if scene.get(path)] + [f"effect.{name}" for name in own]
+    return [path for path in _CHANGING if scene.get(path)] + [f"effect.{name}" for name in own]
 
 
 def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:

@@ -318,8 +318,8 @@ def on_cells(
         return formula(scene, x, y, np.full_like(x, z_m), spectrum)
 
     # One cell alone does not tell its size: the plane does.
-    pitches = [pitch_m(c) or size for c, size in zip((x_m, y_m), scene.plane_size_m, strict=True)]
-    return cell_mean(field, x_m, y_m, *pitches, nodes_for(scene.detector, z_m, max(pitches)))
+    dx, dy = (pitch_m(c) or size for c, size in zip((x_m, y_m), scene.plane_size_m, strict=True))
+    return cell_mean(field, x_m, y_m, dx, dy, nodes_for(scene.detector, z_m, max(dx, dy)))
 
 
 def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: BandLight) -> Array:

@@ -61,20 +61,14 @@ def test_what_import_said_of_darks_is_said_again(remarks: list[str], said: int) 
     assert sum(note.studied is Studied.DARK_LEFT for note in notes) == said
 
 
-def test_what_the_scene_knows_of_an_instrument_and_readings_keep_is_said() -> None:
-    """Readings that bend by s / (1 + 0.3 s): a K more than two errors too large, and it says why."""
-    bent = scene().with_values(
-        {"detector.saturation": 0.3, "detector.plane_departure": [[4.5, 0], [8.5, 0.1]]}
-    )
+def test_what_the_scene_knows_of_changing_water_and_readings_keep_is_said() -> None:
+    """Water that clouds while air is read first and water later: K is that of the time, and it says why."""
+    clouding = scene().with_values({"water.drift_per_m_per_hour": 0.02})
     light = table(scene(), noise=0.0, stated=0.003)
-    s = light.value / light.value.max()
-    found = attenuation(replace(light, value=light.value.max() * s / (1 + 0.3 * s)), bent)
-    assert found.apparent[0].K_per_m[1] > truth_per_m()[1] + 2 * found.apparent[0].K_stderr[1]
+    found = attenuation(light, clouding)
     said = [note for note in found.notes if note.studied is Studied.READOUT_LEFT]
-    assert [note.why for note in said] == ["detector.saturation"]
-    assert "note: detector.saturation of the scene is not taken out of the readings" in as_text(found)
-    (by_formula,) = [n for n in ratios_of(light, bent, False).notes if n.studied is Studied.READOUT_LEFT]
-    assert by_formula.why == "detector.saturation, detector.plane_departure"
+    assert [note.why for note in said] == ["water.drift_per_m_per_hour"]
+    assert "note: water.drift_per_m_per_hour of the scene is not taken out of the readings" in as_text(found)
     assert not [n for n in ratios_of(light, scene()).notes if n.studied is Studied.READOUT_LEFT]
 
 
