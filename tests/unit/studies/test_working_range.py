@@ -17,8 +17,6 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.report.working_range import range_page
 from lightfield.scene import Scene
-from lightfield.studies.band.study import best_band
-from lightfield.studies.follower.array_light import Space
 from lightfield.studies.working_range import smooth_light as smoothed
 from lightfield.studies.working_range import study
 from lightfield.studies.working_range.smooth_light import smooth_light
@@ -310,21 +308,6 @@ def test_readings_are_taken_about_the_lamps_axis_and_in_its_first_band() -> None
     model = found.dataset.sel(z_m=found.readings.z_m)
     np.testing.assert_allclose(found.readings.value, model.formula, rtol=1e-3)
     np.testing.assert_allclose(found.readings.half_radius_m, model.half_radius_m, rtol=5e-3)
-
-
-def test_distances_are_those_of_single_positions_where_a_scene_lists_them() -> None:
-    """Not those of the planes that it does not have: 4.5 to 8.5 m are their default."""
-    listed = scene(detector={"positions_m": [[0, 0, 3.0], [0.1, 0, 1.5], [0, 0, 1.5], [0, 0, 2.0]]})
-    found = working_range(listed, None)
-    assert found.reference_m == 1.5 and float(found.dataset.z_m[-1]) == 6.0
-    assert {1.5, 2.0, 3.0} <= set(found.dataset.z_m.values.tolist())
-    z = brentq(lambda z: (1.5 / z) ** 2 * np.exp(-C * (z - 1.5)) - 0.2, 1.6, 6)
-    assert reach(found, "light") == pytest.approx(z, abs=1e-3)
-    assert best_band(listed, traced=False).spectrum.z_m.values.tolist() == [1.5, 3.0]
-    assert Space.of_scene(listed) == Space(0.4, 1.5, 3.0)
-    alone = scene(detector={"positions_m": [[0, 0, 2.0]]})
-    with pytest.raises(SceneError, match=r"first of detector\.positions_m, to 2\.1 m, as asked for"):
-        working_range(alone, None, to_m=2.1)
 
 
 def test_it_ends_before_the_tank_does() -> None:
