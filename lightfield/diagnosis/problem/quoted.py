@@ -29,7 +29,7 @@ _FEWEST_IN_GROUP, _GROUP_SIGMA, _MEDIAN_ERROR = 8, 5.0, 1.25
 #: Least part of a standard error that is a reading's own, where the rest is shared with others. Chosen: a
 #: lamp's flicker is that of its temperature, some half more in the blue than in the red, and bands of a
 #: spectrum agree no better than that.
-_OWN_PART = 0.2
+OWN_PART = 0.2
 #: Light below this part of the largest error is none: the square of what lies between would be no number.
 NO_LIGHT = 1e-100
 
@@ -90,4 +90,4 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
 
 def own_part(sigma: Array, shared: Array) -> Array:
     """What is left of standard errors without the part that other readings share, shape (n,)."""
-    return np.asarray(np.sqrt(np.maximum(sigma**2 - shared**2, (_OWN_PART * sigma) ** 2)))
+    return np.asarray(np.sqrt(np.maximum(sigma**2 - shared**2, (OWN_PART * sigma) ** 2)))

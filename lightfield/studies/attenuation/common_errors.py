@@ -59,7 +59,7 @@ class JointEstimate:
         y - X theta - H beta; NaN where nothing was read.
     chi2 : float
     errors_times : float
-        What `own` and `modes` were multiplied by (as errors), because of the misfit; see `misfit_factor`.
+        What the errors of every colour were multiplied by because of the misfit, see `misfit_factor`.
     """
 
     theta: Array
@@ -72,9 +72,15 @@ class JointEstimate:
     errors_times: float = 1.0
 
     def widened(self) -> JointEstimate:
-        """The same with errors as large as the misfit says."""
+        """The same with errors as large as the misfit says.
+
+        What misfits may do so in all colours alike: the rest of their errors is common to all.
+        """
         times = misfit_factor(self.chi2, self.dof)
-        return replace(self, own=times**2 * self.own, modes=times * self.modes, errors_times=times)
+        size, direction = np.linalg.eigh(self.of_each())
+        root = (direction * np.sqrt(np.clip(size, 0, None))[:, None]) @ direction.transpose(0, 2, 1)
+        more = np.sqrt(times**2 - 1) * root
+        return replace(self, modes=np.concatenate([self.modes, more], axis=2), errors_times=times)
 
     @property
     def stderr(self) -> Array:

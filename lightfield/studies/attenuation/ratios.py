@@ -30,7 +30,13 @@ from lightfield.scene.all_parameters import without
 from lightfield.studies.attenuation.common_errors import stays
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
-from lightfield.studies.attenuation.shared_errors import falls, of_places, sideways, stay_variance
+from lightfield.studies.attenuation.shared_errors import (
+    falls,
+    of_places,
+    own_share,
+    sideways,
+    stay_variance,
+)
 
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
@@ -202,7 +208,27 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
         scene, x, y, z, path, stay, np.sqrt(variance), place_stderr, colours[:, 0], ln, error,
         geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
     )  # fmt: skip
-    return _enough(found, where)
+    found = _enough(found, where)
+    return found if np.isfinite(table.common_percent).any() else _as_bands_scatter(found)
+
+
+def _as_bands_scatter(found: Ratios) -> Ratios:
+    """With stated errors parted into what bands share and what is their own, where the table does not say.
+
+    Whatever does not scatter between the bands is taken for shared: the error of each stays what was stated.
+    """
+    own = own_share(found.y, found.stderr, found.path_m)
+    if own == 1:
+        return found
+    together = [(np.ones_like(found.y), np.sqrt(1 - own) * found.stderr)]
+    shared = of_places([(np.where(np.isfinite(error), one, np.nan), error) for one, error in together])
+    percent = 100 * float(np.median(shared))
+    return replace(
+        found,
+        place_stderr=np.hypot(found.place_stderr, shared),
+        stderr=np.sqrt(own) * found.stderr,
+        notes=(*found.notes, Remark(Studied.SHARED_FROM_SCATTER, percent=percent)),
+    )
 
 
 def _left_in(scene: Scene) -> list[str]:

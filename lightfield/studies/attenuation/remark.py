@@ -13,6 +13,7 @@ class Studied(str, Enum):
     STDERR_FROM_REPEATS = "stderr_from_repeats"
     STDERR_ASSUMED = "stderr_assumed"
     GAIN_ASSUMED = "gain_assumed"
+    SHARED_FROM_SCATTER = "shared_from_scatter"
     FAINT = "faint"
     NOT_IN_AIR = "not_in_air"
     FEW_DISTANCES = "few_distances"
@@ -60,6 +61,9 @@ _WORDS = {
     Studied.STDERR_FROM_REPEATS: "{count} readings without stderr: {percent:.2g} % from their repeats",
     Studied.STDERR_ASSUMED: "{count} readings without stderr: {percent:g} % assumed",
     Studied.GAIN_ASSUMED: "plane_gain_percent = {percent:.2g} assumed for every stay at a distance",
+    Studied.SHARED_FROM_SCATTER: "the bands of a place scatter less about each other than their standard "
+    "errors say, and the table does not state common_percent: {percent:.2g} % is taken for an error that all "
+    "bands of a place share",
     Studied.FAINT: "{count} of {among} pairs are fainter than {limit:g} of their errors: left out",
     Studied.NOT_IN_AIR: "{count} readings in water have none in air at their place and wavelength: left out",
     Studied.FEW_DISTANCES: "{count} wavelengths were not read at {limit:g} distances: left out",

@@ -6,12 +6,23 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, layout_of
+from lightfield.diagnosis.problem.quoted import OWN_PART
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
+from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_p
+
+#: Where the scatter is too small for chance (`POOR_FIT`), so small a chance of it is allowed for: the part that
+#: is a colour's own is rather taken for too large. One standard deviation.
+_ALLOWED = 0.16
+#: Least part of the variance that is a band's own: `quoted.own_part` has the same of the errors.
+_LEAST_OWN = OWN_PART**2
+#: Logarithms that places share freely are known no better than this beforehand: a factor of e.
+_FREE = 1.0
 
 
 def of_places(together: Sequence[tuple[Array, Array]]) -> Array:
@@ -103,3 +114,30 @@ def falls(y: Array, path_m: Array) -> float:
     told = spread > 0
     slope = -(path * value).sum(axis=0)[told] / spread[told]
     return max(float(slope.mean()), 0.0) if told.any() else 0.0
+
+
+def own_share(y: Array, stderr: Array, path_m: Array) -> float:
+    """Part of the variance stated of ln(water / air) that is each colour's own; 1 where that may be all.
+
+    Colours scatter about each other by their own errors alone: about straight lines and one free deviation
+    for each place the sum of squares tells these, whatever is common (a lamp that flickers, a gain, light
+    that does not fall in a straight line).
+
+    Parameters
+    ----------
+    y, stderr : array, shape (n_places, n_colours)
+        NaN where nothing was read.
+    path_m : array, shape (n_places,), m
+    """
+    ones = np.ones_like(y)
+    lines = np.stack([ones, -path_m[:, None] * ones], axis=2)
+    several = np.isfinite(y).sum(axis=1) > 1
+    # What is common to all is in their lines already: a constant, and a slope.
+    dof = int(np.isfinite(y[several]).sum()) - 2 * y.shape[1] - max(int(several.sum()) - 2, 0)
+    if dof < 1:
+        return 1.0
+    design = Design(stderr[several], lines[several], np.eye(several.sum()), np.full(several.sum(), _FREE))
+    chi2 = design.estimate(y[several]).chi2
+    if misfit_p(chi2, dof) < 1 - POOR_FIT:
+        return 1.0
+    return float(np.clip(chi2 / stats.chi2.ppf(_ALLOWED, dof), _LEAST_OWN, 1.0))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -65,18 +67,31 @@ def test_what_all_bands_share_is_no_effect(seed: int, only: list[str] | None) ->
     assert verdict.verdict == "none" and verdict.serial_correlation < 0.35
 
 
-def test_the_mean_attenuation_over_bands_knows_what_they_share() -> None:
-    """Squared pulls of 60 tables: one, and the squared ratio of the errors where it is not stated."""
+@pytest.mark.parametrize("stated", [True, False])
+def test_the_mean_attenuation_over_bands_knows_what_they_share(stated: bool) -> None:
+    """Squared pulls of 30 tables: one number that five bands share is not five, said or not."""
 
-    def pull(seed: int, stated: bool) -> float:
+    def pull(seed: int) -> float:
         K, error = apparent_attenuation(ratios_of(readings(seed, stated), scene())).mean()
         return (K - float(K_PER_M.mean())) / error
 
-    # One number that five bands share is not five.
-    tables, ratio = 60, 5 * (COMMON**2 + OWN**2 / 5) / (COMMON**2 + OWN**2)
-    for stated, expected in ((True, 1.0), (False, ratio)):
-        squares = sum(pull(seed, stated) ** 2 for seed in range(tables)) / expected
-        assert 0.001 < stats.chi2.sf(squares, tables) < 0.999
+    tables = 30
+    squares = sum(pull(seed) ** 2 for seed in range(tables))
+    assert 0.001 < stats.chi2.sf(squares, tables) < 0.999
+
+
+def test_a_misfit_of_all_bands_is_an_error_of_their_mean() -> None:
+    """Errors that hold each band's own scatter alone, beside a flicker three times as large."""
+    pulls = []
+    for seed in range(12):
+        table = readings(seed, stated=False)
+        small = replace(table, stderr=OWN / np.hypot(COMMON, OWN) * table.stderr)
+        found = apparent_attenuation(ratios_of(small, scene()))
+        K, error = found.mean()
+        pulls.append((K - float(K_PER_M.mean())) / error)
+        assert found.estimate.errors_times > 2
+        assert error > 0.8 * found.K_stderr.min()
+    assert stats.chi2.sf(float(np.square(pulls).sum()), len(pulls)) > 0.001
 
 
 def test_a_spectrum_is_one_place_time_and_repeat() -> None:

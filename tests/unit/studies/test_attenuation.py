@@ -172,6 +172,34 @@ def test_refraction_off_the_axis_is_taken_from_the_scene() -> None:
     assert np.abs(naive.K_per_m - truth_per_m()).min() > 0.01
 
 
+def test_a_lamp_that_has_faded_leaves_errors_the_part_of_a_reading_that_they_are() -> None:
+    """Half of the light after an hour, with errors of the same per cent: ln(water / air) is as well known."""
+    fading = scene(drift_per_hour=-0.5)
+    whole = table(scene(), noise=0.005, common_percent=0.3)
+    columns = {k: getattr(whole, k) for k in ("z_m", "medium", "wavelength_nm", "common_percent")}
+    faded = Readings.from_arrays(
+        **columns, value=0.5 * whole.value, stderr=0.5 * whole.stderr, time_s=3600.0, plane_gain_percent=0.0
+    )
+    right, found = ratios_of(whole, scene()), ratios_of(faded, fading)
+    assert found.y == pytest.approx(right.y, abs=1e-9)
+    assert found.stderr == pytest.approx(right.stderr, rel=1e-9)
+    assert found.place_stderr == pytest.approx(right.place_stderr, rel=1e-9)
+
+
+def test_bands_that_scatter_less_than_stated_share_the_rest() -> None:
+    """0.1 % of their own where 1 % is stated: it is said, and no band's own error changes."""
+    colours = np.linspace(450.0, 600.0, 8)
+    told, held = (
+        ratios_of(table(scene(), noise=0.001, colours=colours, stated=0.01, common_percent=common), scene())
+        for common in (None, 0.0)
+    )
+    assert [n.studied for n in told.notes] == [Studied.SHARED_FROM_SCATTER] and not held.notes
+    assert np.hypot(told.stderr, told.place_stderr[:, None]) == pytest.approx(held.stderr, rel=1e-6)
+    assert told.place_stderr == pytest.approx(0.01 * np.sqrt(2 * 0.96), rel=0.02)
+    mean, alone = (apparent_attenuation(one).mean()[1] for one in (told, held))
+    assert mean / alone == pytest.approx(np.sqrt(8 * 0.96 + 0.04), rel=0.02)
+
+
 def test_without_air_the_formula_stands_for_it() -> None:
     readings = table(scene())
     found = attenuation(readings, scene(), in_air=False).apparent[0]
