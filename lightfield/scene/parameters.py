@@ -41,6 +41,17 @@ class Part(BaseModel):
         meant = {use: "table" for name, use in cls.tables_of.items() if data.get(name) is not None}
         return {**meant, **data}
 
+    @property
+    def tables(self) -> list[Path]:
+        """Files that are read with it, and with the parts inside it."""
+        found: list[Path] = []
+        for name in _of_tables(type(self)):
+            value = getattr(self, name)
+            found += (
+                value.tables if isinstance(value, Part) else [Path(value)] if isinstance(value, str) else []
+            )
+        return found
+
     def __copy__(self) -> Self:
         """As pydantic's own, of what a part has: fields and nothing else. A fit makes some 100,000 copies."""
         state = {**self.__getstate__(), "__dict__": self.__dict__.copy()}
@@ -285,18 +296,6 @@ def change_tables(part: BaseModel, data: dict[str, Any], change: Callable[[str],
         change_tables(inner, data[name], change)
 
 
-def tables_in(part: BaseModel) -> list[Path]:
-    """Files of all tables of a part."""
-    found: list[Path] = []
-
-    def noted(table: str) -> str:
-        found.append(Path(table))
-        return table
-
-    change_tables(part, part.model_dump(), noted)
-    return found
-
-
 def _inside(part: BaseModel, data: Mapping[str, Any]) -> list[tuple[str, BaseModel]]:
     """Parts of a part that it dumped."""
     values = ((name, getattr(part, name)) for name in data)
@@ -317,6 +316,20 @@ def _tables(model: type[BaseModel]) -> frozenset[str]:
     (rule,) = TablePath.__metadata__  # type: ignore[attr-defined]
     fields = model.model_fields.items()
     return frozenset(n for n, f in fields if rule in f.metadata or TablePath in get_args(f.annotation))
+
+
+@cache
+def _of_tables(model: type[BaseModel]) -> tuple[str, ...]:
+    """Fields that hold the path of a table, or a part that may hold one."""
+    of_parts = {n for n, f in model.model_fields.items() if any(map(_of_tables, _parts(f.annotation)))}
+    return tuple(name for name in model.model_fields if name in _tables(model) | of_parts)
+
+
+def _parts(annotation: Any) -> list[type[BaseModel]]:
+    """Classes of parts that a field may hold."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [part for one in get_args(annotation) for part in _parts(one)]
 
 
 @cache

@@ -36,7 +36,6 @@ from lightfield.scene.parameters import (
     change_tables,
     drop_later,
     numbers_of,
-    tables_in,
     with_fields,
     without_minus_zero,
 )
@@ -336,11 +335,6 @@ class Scene(Part):
 
     def __repr__(self) -> str:
         return f"<Scene: {self.name or 'without a name'}; {'in a tank' if self.tank else 'open water'}>"
-
-    @property
-    def tables(self) -> list[Path]:
-        """Files that are read with it: tables of its lamp, water, detector, array, follower."""
-        return tables_in(self)
 
     def digest(self) -> str:
         """SHA-256 of all that the physics depends on: every value, and the content of every table."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import RuleError, SceneError
 from lightfield.storage.inputs import TABLE, read_bytes
+
+Value = TypeVar("Value")
 
 #: Coefficients of water, as in a scene; and numbers in any other unit, whose squares must not overflow.
 LARGEST_PER_M, LARGEST = 100.0, 1e30
@@ -50,6 +52,29 @@ def read_rows(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
     """
     state = os.stat(path)
     return _read(path, tuple(columns), state.st_mtime_ns, state.st_size, ordered=False)
+
+
+def kept_by_tables(most: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+    """`functools.lru_cache` of a function of parts of a scene; a table that was written anew is another.
+
+    Parameters
+    ----------
+    most : int
+        Values that are kept.
+    """
+
+    def of(function: Callable[..., Value]) -> Callable[..., Value]:
+        kept = lru_cache(most)(lambda _states, *given: function(*given))
+
+        @wraps(function)
+        def asked(*given: Any) -> Value:
+            files = [path for one in given for path in getattr(one, "tables", ())]
+            states = [(state.st_mtime_ns, state.st_size) for state in map(os.stat, files)]
+            return kept(tuple(states), *given)
+
+        return asked
+
+    return of
 
 
 def column_names(path: str) -> list[str]:

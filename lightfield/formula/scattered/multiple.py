@@ -27,6 +27,7 @@ from lightfield.arrays import Array
 from lightfield.formula.scattered.quadrature import HALF_PI, emission, finest_rad, interval, shares_at, turns
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.water.phase.spec import TracedPhase
+from lightfield.storage.tables import kept_by_tables
 
 #: Largest k of the transform times the width of the beam on the plane; its nodes; those of Q, from zero and
 #: this k on; nodes along the path; angles of scattering.
@@ -158,7 +159,7 @@ def _slants(lamp: Lamp, change: float) -> int:
     return next((n for n in _SLANTS if half**n < _MISSED * math.factorial(n)), 0)
 
 
-@lru_cache(8)
+@kept_by_tables(8)
 def _by_slant(lamp: Lamp, top: float, count: int) -> tuple[Array, Array]:
     """Slants, and the light sent along each for every k of the transform, shape (n_k, n_slants)."""
     theta, sent = emission(lamp)

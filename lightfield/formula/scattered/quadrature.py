@@ -15,6 +15,7 @@ from lightfield.scene.lamp.width import at_all_angles, half_width_rad, intensity
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase
 from lightfield.scene.water.phase.of_scene import phase_function
 from lightfield.scene.water.phase.spec import HenyeyGreenstein, TracedPhase, WithMolecules
+from lightfield.storage.tables import kept_by_tables
 
 HALF_PI = 0.5 * math.pi
 #: Angles of emission: so many nodes, out to so many half widths at 1e-6 of a Gaussian's light, or this angle.
@@ -52,7 +53,7 @@ def in_cell(n: int) -> Nodes:
     return Nodes(0.5 * np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2), 0.25 * np.outer(w, w).ravel())
 
 
-@lru_cache(maxsize=32)
+@kept_by_tables(32)
 def turns(phase: TracedPhase, n: int, up_to_rad: float = math.pi) -> Nodes:
     """Angles of scattering in rad, at quantiles of the phase function; the weights are shares of the light.
 
@@ -82,7 +83,7 @@ def near(phase: TracedPhase) -> TracedPhase:
     return HenyeyGreenstein(g=1 - _STEP_OF_G ** round(math.log(1 - phase.g) / math.log(_STEP_OF_G)))
 
 
-@lru_cache(maxsize=64)
+@kept_by_tables(64)
 def shares_at(phase: TracedPhase, nodes_of: TracedPhase, n: int, up_to_rad: float = math.pi) -> Array:
     """Shares of the light that one phase function scatters by the `turns` of another, shape (n,)."""
     angle, share = turns(nodes_of, n, up_to_rad)
@@ -97,7 +98,7 @@ def mean_cosine(phase: TracedPhase) -> float:
     return _mean_cosine(phase)
 
 
-@lru_cache(maxsize=64)
+@kept_by_tables(64)
 def _mean_cosine(phase: TracedPhase) -> float:
     return phase_function(phase).mean_cosine()
 
@@ -130,7 +131,7 @@ class EmissionTable(NamedTuple):
         return before, at - before
 
 
-@lru_cache(maxsize=256)
+@kept_by_tables(256)
 def finest_rad(lamp: Lamp) -> float:
     """Standard deviation of the Gaussian beam whose edge is as sharp, rad."""
     edge = half_width_rad(lamp, _EDGE[1]) - half_width_rad(lamp, _EDGE[0])
@@ -138,7 +139,7 @@ def finest_rad(lamp: Lamp) -> float:
     return width / math.sqrt(2 * math.log(2))
 
 
-@lru_cache(maxsize=256)
+@kept_by_tables(256)
 def emission(lamp: Lamp) -> Nodes:
     """Angles of emission, rad, and the light in each: weights in sr, for unit intensity on the axis.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from lightfield.scene.curve import value_at
 from lightfield.scene.lamp.frame import has_round_section, is_even, is_lopsided
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import BeamTable, beam_table
+from lightfield.storage.tables import kept_by_tables
 
 LN2 = math.log(2.0)
 HALF_PI = 0.5 * math.pi
@@ -142,7 +142,7 @@ def sections_of(lamp: Lamp, theta_rad: Array) -> tuple[Array, Array]:
     return table.turn_rad, _departing(lamp, around, squared)
 
 
-@lru_cache(maxsize=256)
+@kept_by_tables(256)
 def solid_angle_sr(lamp: Lamp) -> float:
     """Integral of the relative intensity over all directions: beam power over axial intensity, in sr.
 
@@ -208,7 +208,7 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     return (middle[:, None] + half[:, None] * x).ravel(), (half[:, None] * w).ravel()
 
 
-@lru_cache(maxsize=64)
+@kept_by_tables(64)
 def inverse_cdf_table(lamp: Lamp) -> tuple[Array, Array]:
     """Cumulative beam power within an effective angle, and that angle: invert by interpolation.
 

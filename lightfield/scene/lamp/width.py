@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.profile import HALF_PI, radial_intensity
+from lightfield.storage.tables import kept_by_tables
 
 #: Angles at which a beam is asked for its widths.
 _ANGLES = 20001
@@ -20,14 +20,14 @@ def intensity(lamp: Lamp, theta_squared: Array) -> Array:
     return radial_intensity(lamp, theta_squared) * (theta_squared <= HALF_PI * HALF_PI)
 
 
-@lru_cache(maxsize=4)
+@kept_by_tables(4)
 def at_all_angles(lamp: Lamp) -> tuple[Array, Array]:
     """Angles to half a turn, rad, and the intensity at each."""
     theta = np.linspace(0.0, HALF_PI, _ANGLES)
     return theta, intensity(lamp, theta * theta)
 
 
-@lru_cache(maxsize=256)
+@kept_by_tables(256)
 def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
     """Largest angle at which the beam is as bright as this part of its brightest, rad."""
     theta, light = at_all_angles(lamp)

@@ -16,8 +16,8 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_p
 
-#: Where the scatter is too small for chance (`POOR_FIT`), so small a chance of it is allowed for: the part that
-#: is a colour's own is rather taken for too large. One standard deviation.
+#: Where the scatter is too small for chance (`POOR_FIT`), so small a chance of it is allowed for: the part of
+#: a colour's own is rather taken for too large. One standard deviation.
 _ALLOWED = 0.16
 #: Least part of the variance that is a band's own: `quoted.own_part` has the same of the errors.
 _LEAST_OWN = OWN_PART**2

@@ -16,12 +16,28 @@ from lightfield.scene.lamp.luminaire_files import all_around
 from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.lamp.profile import relative_intensity, sample, solid_angle_sr
 from lightfield.scene.lamp.tabulated import save_intensity
+from lightfield.scene.lamp.width import stated_width_deg
 
 PLACES = np.random.default_rng(2).uniform(-0.35, 0.35, (2, 3000))
 
 
 def table(path: Path) -> Lamp:
     return Lamp(profile="table", intensity_table=str(path))
+
+
+def test_a_table_that_is_written_anew_is_another_beam(tmp_path: Path) -> None:
+    """Of the same scene, and of the same path: what a notebook keeps is not that of the file before."""
+    path, angle = tmp_path / "lamp.csv", np.linspace(0.0, 90.0, 901)
+    seen = []
+    for hwhm_deg in (5.0, 10.0):
+        light = np.exp(-math.log(2) * (angle / hwhm_deg) ** 2)
+        rows = (f"{a:g},{i:.8g}" for a, i in zip(angle, light, strict=True))
+        path.write_text("\n".join(["angle_deg,intensity", *rows]), encoding="utf-8")
+        lamp = table(path)
+        assert stated_width_deg(lamp) == pytest.approx(hwhm_deg, rel=1e-3)
+        seen.append(solid_angle_sr(lamp))
+    right = [solid_angle_sr(Lamp(hwhm_deg=hwhm_deg)) for hwhm_deg in (5.0, 10.0)]
+    assert seen == pytest.approx(right, rel=1e-3)
 
 
 def test_oval_beam_as_a_table_is_the_oval_beam(tmp_path: Path) -> None:
