@@ -34,4 +34,4 @@ def position_slope(forward: SceneForward, values: Mapping[str, float]) -> Array:
             aside = float(scene.get(offset)) - step_m
             change += light.rest({**values, offset: aside}) - rest
         square += (change / step_m) ** 2
-    return np.asarray(np.sqrt(square) * forward.gains.of(values) * forward.reader.shown(values))
+    return np.asarray(np.sqrt(square) * forward.reader.per_light(values))

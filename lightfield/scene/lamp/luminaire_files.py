@@ -90,11 +90,13 @@ def read_eulumdat(text: str) -> Luminaire:
     take = _Taker([word for line in lines[26 + 6 * sets :] for word in line.split()])
     take(10)
     c, gamma = np.array(take(planes)), take(angles)
+    # The half of a beam that is alike on both sides of C90-C270 is stored from C270 over C0 to C90.
+    c = np.concatenate([c, c + 360.0])
     first, stored = {
         0: (0, planes),
         1: (0, 1),
         2: (0, planes // 2 + 1),
-        3: (planes // 4, planes // 2 + 1),
+        3: (3 * planes // 4, planes // 2 + 1),
         4: (0, planes // 4 + 1),
     }[symmetry]
     candela: Array = np.array(take(stored * angles)).reshape(stored, angles)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -170,6 +171,33 @@ def test_eulumdat_without_symmetry(tmp_path: Path) -> None:
     rows = [*(str(45 * k) for k in range(8)), *angles, *(v for plane in values[:3] for v in plane), ""]
     angle, intensity = mean_table(write(tmp_path / "quadrant.ldt", head + "\n".join(rows)))
     assert np.interp(math.radians(5), angle, intensity) == pytest.approx((0.5 * 0.8 + 0.6 + 0.5 * 0.4) / 2)
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "stored"),
+    [(0, range(0, 360, 15)), (2, range(0, 181, 15)), (3, [*range(270, 360, 15), *range(0, 91, 15)]),
+     (4, range(0, 91, 15))],
+)  # fmt: skip
+def test_each_half_plane_of_a_luminaire_is_where_its_format_says(
+    tmp_path: Path, symmetry: int, stored: Sequence[int]
+) -> None:
+    """Planes from Mc1 to Mc2 of the format (Isym = 2: C0 to C180, 3: from C270 over C0 to C90, 4: C0 to C90)
+    of beams that have that symmetry; C0 is towards +x, C90 towards -y of the beam."""
+
+    def light(c_deg: float) -> float:
+        c = math.radians(c_deg)
+        sideways = 0.3 * math.cos(c) * (symmetry in (0, 2)) + 0.2 * math.sin(c) * (symmetry in (0, 3))
+        return 1 + sideways + 0.1 * math.cos(2 * c)
+
+    angles, planes = [0, 10, 45, 90], range(0, 360, 15)
+    values = [v for c in stored for v in (500.0, 250.0 * light(c), 10.0, 0.0)]
+    rows = [*map(str, planes), *map(str, angles), *map(str, values), ""]
+    head = LDT_HEAD.format(symmetry=symmetry, planes=24, step=15).splitlines()
+    head[5] = str(len(angles))
+    file = write(tmp_path / "half.ldt", "\n".join([*head, *rows]))
+    table = beam_table(str(file))
+    for c_deg in planes:
+        assert table.at(math.radians(10), math.radians(-c_deg)) == pytest.approx(0.5 * light(c_deg), rel=1e-9)
 
 
 def test_cut_ies_file(tmp_path: Path) -> None:
