@@ -155,6 +155,7 @@ class Layout:
         """Some of the readings."""
         place = np.cumsum(rows) - 1
         columns = {f.name: getattr(self, f.name)[rows] for f in fields(self) if f.name != "order"}
+        columns["spectrum"] = np.unique(columns["spectrum"], return_inverse=True)[1]  # still from 0
         return Layout(**columns, order=place[self.order[rows[self.order]]])
 
     def varies(self, name: str) -> bool:

@@ -92,6 +92,18 @@ def test_the_chain_is_the_dense_cholesky_factor(
     np.testing.assert_allclose(noise.variance(phi, tolerance), np.diag(dense), rtol=1e-8)
 
 
+def test_some_of_many_readings_are_whitened_like_all() -> None:
+    """A fifth of 1000, two at a moment: what they share is labelled from 0 again."""
+    rng = np.random.default_rng(5)
+    moment = np.repeat(rng.permutation(500), 2)
+    lay = replace(layout(1000, rng), spectrum=moment, common=np.full(1000, 0.02))
+    noise = Noise(lay, np.full(1000, 0.01), rng.random(1000), Budget(0.003, 0.0, 0.0), np.zeros(1000))
+    rows = moment >= 400
+    some, dense = Whitener(noise.subset(rows), block=40), noise.covariance(0.0, 1.0, 0.0)[np.ix_(rows, rows)]
+    column = rng.standard_normal(int(rows.sum()))
+    assert some(column) @ some(column) == pytest.approx(column @ np.linalg.solve(dense, column), rel=1e-9)
+
+
 def test_what_is_left_out_between_blocks() -> None:
     """Of the tolerated error of 800 readings, six times their own noise, as much is left out between blocks
     as is stated: chi-square and determinant stay right to that part."""
