@@ -11,6 +11,8 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
+#: What reflects all at most, however large it is stated.
+_FLOOR = "tank.floor_over_walls"
 #: An error that is no smaller than this part of the stated one says nothing new.
 _ALIKE = 0.95
 
@@ -33,15 +35,15 @@ def estimates(
     least_of_set : mapping, optional
         The same, were the effects that are fitted all that act; None: that is not told.
     """
-    errors, bound = fit.stderr(scale), fit.at_bound()
+    errors, bound, most = fit.stderr(scale), fit.at_bound(), _white_floor(fit)
     out = {}
     for i, path in enumerate(fit.paths):
-        value, error = fit.values[path], np.fmax(errors[path], (least or {}).get(path, 0.0))
+        value, error = most.get(path, fit.values[path]), np.fmax(errors[path], (least or {}).get(path, 0.0))
         of_set = np.fmax(errors[path], (least_of_set or {}).get(path, 0.0))
         reason: Reason | None = None
         if fit.model.parameters[i].is_held:
             reason = Reason.HELD
-        elif bound[i]:
+        elif bound[i] or path in most:
             reason = Reason.AT_BOUNDARY
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:
             reason = Reason.DID_NOT_MOVE
@@ -58,6 +60,13 @@ def estimates(
             reason=reason,
         )
     return out
+
+
+def _white_floor(fit: Fit) -> dict[str, float]:
+    """Albedo over that of the walls of a floor that reflects all, where a fit asks for more; by its path."""
+    forward = fit.model.forward if _FLOOR in fit.paths else None
+    tank = forward.scenes.at(fit.values, validate=False).tank if isinstance(forward, SceneForward) else None
+    return {_FLOOR: tank.floor_share} if tank is not None and tank.floor_share < fit.values[_FLOOR] else {}
 
 
 def units_of(scene: Scene) -> dict[str, str]:

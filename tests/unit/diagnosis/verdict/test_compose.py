@@ -32,10 +32,12 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words.rest import sentences
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.parameter import FitParameter
+from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.parameter import FitParameter, Model
 from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.diagnosis.page import _lead
 from lightfield.report.plots import plot_ladder
+from lightfield.scene import Scene
 
 TOLERANCE = 0.003
 climb_of = climb
@@ -337,6 +339,31 @@ def test_readings_set_aside_that_lie_together_are_located(case: Case) -> None:
 def test_kinds(size: int | None, accepted: list, identified: bool, kind: str) -> None:
     best = accepted[0] if accepted else None
     assert kind_of(cast(Any, SimpleNamespace(size=size, best=best, identified=identified))) == kind
+
+
+def test_no_floor_is_told_that_reflects_more_than_all() -> None:
+    """Walls of 0.4 that are fitted beside a floor of 7 times theirs, which moves no model any more."""
+    scene = Scene.from_dict({"tank": {"wall_albedo": 0.2}})
+    forward = SceneForward(scene, readings()[0], None)
+    paths = ("tank.wall_albedo", "tank.floor_over_walls")
+    parameters = tuple(
+        FitParameter(p, 0.0, high, 0.1, 1e-3) for p, high in zip(paths, (1.0, 20.0), strict=True)
+    )
+    for floor, told, reason in ((7.0, 2.5, Reason.AT_BOUNDARY), (2.0, 2.0, None)):
+        slopes = np.diag([10.0, 5.0 * (floor == told)])
+        fit = Fit(
+            Model(forward, parameters),
+            np.array([0.4, floor]),
+            np.ones(2),
+            np.zeros(2),
+            0.0,
+            lambda s=slopes: s,
+            True,
+        )
+        found = estimates(fit, 1.0, {})
+        assert (found[paths[1]].value, found[paths[1]].reason) == (pytest.approx(told), reason)
+        assert found[paths[1]].stderr == (None if reason else pytest.approx(0.2))
+        assert found[paths[0]].stderr == pytest.approx(0.1)
 
 
 def test_an_error_or_the_reason_why_there_is_none() -> None:
