@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from lightfield.arrays import Array
+from lightfield.decompositions import eigen
 from lightfield.fitting.parameter import Model
 
 Whiten = Callable[[Array], Array]
@@ -19,6 +20,9 @@ Whiten = Callable[[Array], Array]
 _AT, _NEAR = 1e-6, 1e-2
 #: Damping that leaves a Newton step, but for directions that are not determined at all.
 _NEWTON = 1e-9
+#: Squares of directions, over the largest, that are not determined but for rounding; a parameter has a part
+#: in one if the square of that is so large.
+_LOOSE, _OPEN = 1e-12, 1e-6
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,13 @@ class Fit:
         if not moving.any():
             return out
         scaled = self.jacobian[:, moving] / norm[moving]
-        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)
+        square, directions = eigen(scaled.T @ scaled)
+        firm = square > _LOOSE * square.max()
+        inverse = (directions[:, firm] / square[firm]) @ directions[:, firm].T
         out[np.ix_(moving, moving)] = scale * inverse / np.outer(norm[moving], norm[moving])
+        # Along a loose direction the readings stay as they are: what has a part in it may be anything.
+        undetermined = np.flatnonzero(moving)[(directions[:, ~firm] ** 2).sum(axis=1) > _OPEN]
+        out[undetermined], out[:, undetermined] = np.nan, np.nan
         return out
 
     def stderr(self, scale: float = 1.0) -> dict[str, float]:

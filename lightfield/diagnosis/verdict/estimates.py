@@ -38,8 +38,11 @@ def estimates(
     errors, bound, most = fit.stderr(scale), fit.at_bound(), _white_floor(fit)
     out = {}
     for i, path in enumerate(fit.paths):
-        value, error = most.get(path, fit.values[path]), np.fmax(errors[path], (least or {}).get(path, 0.0))
-        of_set = np.fmax(errors[path], (least_of_set or {}).get(path, 0.0))
+        value, error = (
+            most.get(path, fit.values[path]),
+            np.fmax(errors[path], (least or {}).get(path, np.nan)),
+        )
+        of_set = np.fmax(errors[path], (least_of_set or {}).get(path, np.nan))
         reason: Reason | None = None
         if fit.model.parameters[i].is_held:
             reason = Reason.HELD

@@ -57,6 +57,23 @@ def test_errors_are_those_of_the_linear_theory() -> None:
     assert 0.85 < spread / quoted < 1.15
 
 
+def test_what_readings_do_not_tell_apart_has_no_error() -> None:
+    """Two factors of which the product is read alone may be anything; a third number is told all the same."""
+
+    class Product:
+        def predict(self, values: Mapping[str, float]) -> np.ndarray:
+            return values["a"] * values["b"] * np.exp(-values["k"] * T)
+
+    parameters = tuple(FitParameter(n, 0.1, 10.0, 1.0, 1e-6) for n in "abk")
+    data = 2.0 * np.exp(-0.7 * T) + 0.01 * np.random.default_rng(0).standard_normal(len(T))
+    one, two = (
+        least_squares(Model(Product(), some), data, lambda a: a / 0.01, [1.0, 1.0, 1.0])
+        for some in ((parameters[0], parameters[1].held(1.0), parameters[2]), parameters)
+    )
+    assert np.isnan([two.stderr()[n] for n in "ab"]).all()
+    assert two.stderr()["k"] == pytest.approx(one.stderr()["k"], rel=1e-3) and np.isfinite(one.stderr()["a"])
+
+
 def test_a_parameter_at_its_bound_has_no_error() -> None:
     data = 2.5 * np.exp(-0.7 * T) - 0.2
     bounded = model(low_c=0.0)

@@ -367,23 +367,24 @@ def test_no_floor_is_told_that_reflects_more_than_all() -> None:
 
 
 def test_an_error_or_the_reason_why_there_is_none() -> None:
-    """Of parameters that are held, at a bound, without a derivative, vaguely known, and known to 0.1."""
-    names = ("held", "bound", "still", "vague", "known")
-    slopes = np.zeros((3, 5))
-    slopes[0, 1], slopes[1, 3], slopes[2, 4] = 1.0, 1e-3, 10.0
+    """Of parameters that are held, at a bound, without a derivative, vaguely known, known to 0.1, and not
+    told from others."""
+    names = ("held", "bound", "still", "vague", "known", "either")
+    slopes = np.zeros((3, 6))
+    slopes[0, 1], slopes[1, 3], slopes[2, 4], slopes[2, 5] = 1.0, 1e-3, 10.0, 10.0
     bounds = {"held": (2.0, 2.0)}
     parameters = tuple(FitParameter(n, *bounds.get(n, (0.0, 10.0)), 1.0, 1e-3) for n in names)
-    u = np.array([2.0, 10.0, 1.0, 1.0, 1.0])
+    u = np.array([2.0, 10.0, 1.0, 1.0, 1.0, 1.0])
     fit = SimpleNamespace(
         paths=names, u=u, jacobian=slopes, values=dict(zip(names, u, strict=True)),
         model=SimpleNamespace(parameters=parameters),
-        at_bound=lambda: np.array([False, True, False, False, False]),
+        at_bound=lambda: np.array([False, True, False, False, False, False]),
         stderr=lambda scale: {**dict.fromkeys(names, np.nan), "vague": 1e3, "known": 0.1 * np.sqrt(scale)},
     )  # fmt: skip
     found = estimates(cast(Any, fit), 4.0, {"known": "m"}, {"known": 0.15})
     assert {n: e.reason for n, e in found.items()} == {
         "held": Reason.HELD, "bound": Reason.AT_BOUNDARY, "still": Reason.DID_NOT_MOVE,
-        "vague": Reason.TOO_WIDE, "known": None,
+        "vague": Reason.TOO_WIDE, "known": None, "either": Reason.UNDETERMINED,
     }  # fmt: skip
     assert (found["known"].stderr, found["known"].unit) == (pytest.approx(0.2), "m")
     assert estimates(cast(Any, fit), 1.0, {}, {"known": 0.15})["known"].stderr == 0.15
