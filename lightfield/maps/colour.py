@@ -59,12 +59,14 @@ def linear_rgb(value: NDArray[np.float64], wavelength_nm: NDArray[np.float64]) -
     ----------
     value : array, shape (n, ...), any unit per nm
     wavelength_nm : array, shape (n,), nm
+        In any order.
 
     Returns
     -------
     array, shape (..., 3), that unit times nm; of a single wavelength per nm
     """
-    wavelength_nm = np.asarray(wavelength_nm, dtype=float)
+    rising = np.argsort(wavelength_nm)
+    wavelength_nm, value = np.asarray(wavelength_nm, dtype=float)[rising], np.asarray(value)[rising]
     weight = np.gradient(wavelength_nm) if wavelength_nm.size > 1 else np.ones(1)
     xyz = np.tensordot(
         np.moveaxis(np.asarray(value, dtype=float), 0, -1),

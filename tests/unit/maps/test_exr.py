@@ -13,7 +13,7 @@ import OpenEXR
 import pytest
 
 from lightfield.errors import OutputError
-from lightfield.maps.colour import colour_matching
+from lightfield.maps.colour import colour_matching, linear_rgb
 from lightfield.maps.dataset import to_dataset, write_exr_planes
 from lightfield.maps.exr import (
     SpectralImage,
@@ -132,6 +132,15 @@ def test_colour_matching_follows_the_cie_table():
     # CIE 1931 y at 555 nm = 1.000, x at 600 nm = 1.0622, z at 450 nm = 1.7721; the fits are good to 1 %.
     xyz = colour_matching(np.array([555.0, 600.0, 450.0]))
     np.testing.assert_allclose([xyz[0, 1], xyz[1, 0], xyz[2, 2]], [1.0, 1.0622, 1.7721], rtol=0.02)
+
+
+def test_bands_in_another_order_have_the_same_colour():
+    """Scenes may state their bands as they like: light of 450 to 620 nm that grows to the red is orange."""
+    wavelength, value = np.array([450.0, 550.0, 620.0]), np.array([1.0, 2.0, 3.0])
+    for order in ([0, 1, 2], [2, 0, 1], [1, 2, 0]):
+        rgb = linear_rgb(value[order], wavelength[order])
+        assert rgb == pytest.approx(linear_rgb(value, wavelength))
+        assert rgb[0] > rgb[1] > rgb[2] > 0
 
 
 def test_unknown_error_stays_infinite_and_unknown_value_is_refused(tmp_path, image):
