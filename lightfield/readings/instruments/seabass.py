@@ -120,7 +120,7 @@ def _rows(
 
 def _without_cut_line(document: Document, lines: list[int], rows: list[list[str]]) -> tuple[Oddity, ...]:
     """Take out a last row that the file ends within, of a single one its last number: digits may be lost."""
-    if document.ended:
+    if document.ended or not rows:
         return ()
     if len(rows) == 1:
         rows[0][-1] = ""

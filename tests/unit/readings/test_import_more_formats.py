@@ -350,6 +350,14 @@ def check(path: Path) -> None:
         assert np.isnan(spectrum.integration_time_s) or spectrum.integration_time_s > 0
 
 
+@pytest.mark.parametrize("name", [name for name, text in TEXTS.items() if "/end_header" in text()])
+def test_a_file_that_ends_with_its_header_is_one_error(tmp_path, name):
+    whole = TEXTS[name]()
+    cut = whole[: whole.index("/end_header") + len("/end_header")]
+    with pytest.raises(MeasurementError, match="no rows"):
+        read_spectra(written(tmp_path, cut, "cut.sb"))
+
+
 @settings(max_examples=60, deadline=None)
 @given(name=st.sampled_from([*TEXTS]), cut=st.floats(0, 1))
 def test_a_cut_file_is_an_error_or_its_numbers_are_true(tmp_path_factory, name, cut):
