@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.fitting.light_source import LightSource
 from lightfield.fitting.parameter import GAIN
+from lightfield.fitting.scene_of_values import REMEMBERED, Chosen, chosen
 from lightfield.formula.own_formulas import lit
 from lightfield.readings import units
+from lightfield.readings.unchecked import bands_of
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
 from lightfield.scene.bands import over_band, read_nm
@@ -51,13 +54,31 @@ class Gains:
 
     def _intensity(self, values: Mapping[str, float]) -> Array:
         """Radiant intensity on the axis, in the unit of absolute readings times m^2, shape (n_channels,)."""
+        return self._remembered(chosen(values, _LIT))
+
+    @cached_property
+    def _remembered(self) -> Callable[[Chosen], Array]:
+        return lru_cache(REMEMBERED)(self._made)
+
+    @cached_property
+    def _bands(self) -> list[tuple[float, float] | None]:
+        """Band in nm of each channel; None: light at its wavelength."""
+        wavelengths, table = self.light.diffuse.channels[0], self.light.readings
+        whole = self.light.scenes.scene.detector.bands_nm[0]
+        stated = bands_of(table, wavelengths)
+        return [
+            band or (whole if table.of_band or np.isnan(w) else None)
+            for band, w in zip(stated, wavelengths, strict=True)
+        ]
+
+    def _made(self, those: Chosen) -> Array:
         light = self.light
-        scene = light.scenes.of_those(values, _LIT)
+        scene = light.scenes.of_chosen(those)
         lamp, shift = lit(scene).lamp, scene.detector.wavelength_shift_nm
         unit = units.to_si(light.readings.units, light.scenes.scene.detector.quantity)
         intensity = axial_intensity(lamp, read_nm(scene, light.diffuse.wavelengths_nm))
-        whole = np.isnan(light.diffuse.channels[0]) | light.readings.of_band
-        if whole.any():
-            low, high = scene.detector.bands_nm[0]
-            intensity[whole] = over_band(lamp, low + shift, high + shift, scene.detector).intensity.mean()
+        for k, band in enumerate(self._bands):
+            if band is not None:
+                low, high = (edge + shift for edge in band)
+                intensity[k] = over_band(lamp, low, high, scene.detector).intensity.mean()
         return np.asarray(intensity / unit)

@@ -10,8 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.errors import MeasurementError
 from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.load_warning import LoadWarning
+
+#: Entry of a table's head: `lightfield import` writes it.
+BANDS = "bands_nm"
+#: A reading is that of a band whose middle its wavelength is, to so many nm.
+_SAME_NM = 0.011
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,3 +99,29 @@ class Unchecked:
 
     def __len__(self) -> int:
         return len(self.value)
+
+
+def bands_of(readings: Unchecked, wavelengths_nm: Array) -> list[tuple[float, float] | None]:
+    """The band in nm that readings at each wavelength are means over, as the head says; None: light there.
+
+    Raises
+    ------
+    MeasurementError
+        Bands in the head that are none.
+    """
+    stated = readings.metadata.get(BANDS, [])
+    bands = [_band(readings, row) for row in (stated if isinstance(stated, list) else [stated])]
+    return [next((b for b in bands if abs(0.5 * sum(b) - w) < _SAME_NM), None) for w in wavelengths_nm]
+
+
+def _band(readings: Unchecked, row: Any) -> tuple[float, float]:
+    try:
+        low, high = (float(v) for v in row)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not 0 < low < high < np.inf:
+        raise MeasurementError(
+            "a band that was read makes no sense", where=readings.source or None,
+            found=f"{BANDS}: {row}", rule="[from nm, to nm]", remedy="correct the head",
+        )  # fmt: skip
+    return low, high

@@ -14,17 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.errors import MeasurementError
 from lightfield.readings import Readings
+from lightfield.readings.unchecked import bands_of
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_band, read_nm
 from lightfield.scene.water.coefficients import absorption_per_m, known_nm, scattering_per_m
 from lightfield.scene.water.water import Water
 
-#: Entry of a table's head: `lightfield import` writes it.
-BANDS = "bands_nm"
-#: A reading is that of a band whose middle its wavelength is, to so many nm.
-_SAME_NM = 0.011
 #: Widest part of a band over which the water is taken to be the same, nm, and most parts: pure water's
 #: attenuation changes by 0.01 per m over 2 nm at its steepest (590 nm).
 _PART_NM, _MOST_PARTS = 2.0, 50
@@ -96,10 +92,9 @@ def seen_by(readings: Readings, scene: Scene, colours_nm: Array) -> Seen:
     MeasurementError
         Bands in the head that are none.
     """
-    bands = _bands(readings)
-    if readings.of_band and not bands:
-        bands = [scene.detector.bands_nm[0]]
-    found = [next((b for b in bands if abs(0.5 * sum(b) - w) < _SAME_NM), None) for w in colours_nm]
+    found = bands_of(readings, colours_nm)
+    if readings.of_band and not any(found):
+        found = [scene.detector.bands_nm[0]] * len(found)
     width = np.array([0.0 if band is None else band[1] - band[0] for band in found])
     parts = int(np.clip(np.ceil(width.max(initial=0.0) / _PART_NM), 1, _MOST_PARTS))
     at, share = np.zeros((len(found), parts)), np.full((len(found), parts), 1.0 / parts)
@@ -112,20 +107,3 @@ def seen_by(readings: Readings, scene: Scene, colours_nm: Array) -> Seen:
         if power.sum() > 0:
             share[k] = power / power.sum()
     return Seen(at, share, width)
-
-
-def _bands(readings: Readings) -> list[tuple[float, float]]:
-    """Bands in the table's head."""
-    stated, found = readings.metadata.get(BANDS, []), []
-    for row in stated if isinstance(stated, list) else [stated]:
-        try:
-            low, high = (float(v) for v in row)
-        except (TypeError, ValueError):
-            low = high = np.nan
-        if not 0 < low < high < np.inf:
-            raise MeasurementError(
-                "a band that was read makes no sense", where=readings.source or None,
-                found=f"{BANDS}: {row}", rule="[from nm, to nm]", remedy="correct the head",
-            )  # fmt: skip
-        found.append((low, high))
-    return found

@@ -106,6 +106,30 @@ def test_readings_in_a_unit_follow_every_number_of_the_scene(path: str) -> None:
     np.testing.assert_allclose(followed, SceneForward(other, readings, full=1.0).predict({}), rtol=1e-12)
 
 
+def test_readings_of_bands_in_a_unit_are_the_mean_light_of_their_bands() -> None:
+    """A blue LED of 10 W in two bands of 50 nm beside its peak, read as `import` writes it: the head states
+    the bands. Light at their middles is 1.7 and 0.13 times as much; on the axis, through clear water."""
+    lamp = {"spectrum": {"peak_nm": 470.0, "fwhm_nm": 25.0}, "power_w": 10.0, "hwhm_deg": 6.0}
+    bands = [[450.0, 500.0], [500.0, 550.0]]
+    scene = Scene.from_dict({"lamp": lamp, "detector": {"bands_nm": bands}})
+    columns = {"z_m": [2.0, 2.0], "wavelength_nm": [475.0, 525.0], "value": [1.0, 1.0]}
+    theta = np.linspace(0, np.pi / 2, 20_001)
+    beam_sr = 2 * np.pi * np.trapezoid(0.5 ** (np.degrees(theta) / 6) ** 2 * np.sin(theta), theta)
+
+    def per_nm(nm: np.ndarray) -> np.ndarray:
+        return 10 * np.sqrt(4 * np.log(2) / np.pi) / 25 * 0.5 ** (2 * (nm - 470) / 25) ** 2
+
+    whole = [
+        np.trapezoid(per_nm(nm := np.linspace(low, high, 5001)), nm) / (high - low) for low, high in bands
+    ]
+    for head, light in (({"bands_nm": bands}, whole), ({}, per_nm(np.array([475.0, 525.0])))):
+        table = Readings.from_arrays(
+            **columns, quantity="irradiance", scale="absolute", units="W m^-2 nm^-1", metadata=head
+        )
+        found = SceneForward(scene, table).predict({})
+        assert found == pytest.approx(np.array(light) / beam_sr / 2.0**2, rel=1e-4)
+
+
 def test_other_places_are_traced_with_the_share_that_was_asked_for() -> None:
     """The share goes to the source, and with a source that has a budget of its own it is a share of that."""
     asked: list[dict[str, Any]] = []

@@ -19,6 +19,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
+from lightfield.readings.unchecked import bands_of
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section
@@ -126,8 +127,11 @@ def _of_band(forward: SceneForward, gain: Caution | None, calibration: float | N
     scene, readings = forward.scene, forward.readings
     if gain is None or calibration is None or readings.of_band or len(scene.detector.bands_nm) > 1:
         return None
+    wavelength = np.asarray(readings.wavelength_nm, float)
+    if any(bands_of(readings, np.unique(wavelength))):
+        return None
     mean = over_bands(scene).intensity.mean()
-    at = axial_intensity(scene.lamp, read_nm(scene, np.asarray(readings.wavelength_nm, float))).mean()
+    at = axial_intensity(scene.lamp, read_nm(scene, wavelength)).mean()
     if at <= 0 or abs(np.log(gain.values["ratio"] * at / mean)) > GAIN_SIGMA * calibration:
         return None
     return Caution(warns=Warns.OF_BAND, about="wavelength_nm", values={"ratio": float(mean / at)})
