@@ -11,7 +11,7 @@ All fields are for unit radiant intensity on the beam axis (1 W/sr), in 1/m^2, o
 from __future__ import annotations
 
 import math
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -22,6 +22,7 @@ from lightfield.errors import SceneError
 from lightfield.formula import own_formulas
 from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
 from lightfield.formula.readout import Taken, halves, immersed, plane_gain, readout, spectra, time_factor
+from lightfield.formula.scattered.quadrature import finest_rad
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.frame import beam_angles, through_window
@@ -57,6 +58,11 @@ DISC = [
     (0.0, 0.0, 0.25),
     *((math.sqrt(2 / 3) * math.cos(t), math.sqrt(2 / 3) * math.sin(t), 0.125) for t in _TURN),
 ]
+#: A window this many half widths of its beam wide, where it is nearest, is seven points to 1e-3 of the axis;
+#: wider ones are rings, of so many for each half width and at most so many, to 1e-4 (test_window.py).
+_SEVEN, _RINGS, _MOST_RINGS = 0.75, 1.5, 12
+#: No beam counts as wider, rad.
+_STEEPEST = 1.4
 
 
 def refuse_pencil(lamp: Lamp) -> None:
@@ -161,13 +167,19 @@ def direct_field(
     if lamp.radius_m == 0.0:
         return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
     total = np.zeros(x.shape)
-    for point, share in lamps_of_window(lamp):
+    for point, share in lamps_of_window(lamp, z):
         total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air, time_s)
     return total * on_path
 
 
-def lamps_of_window(lamp: Lamp) -> list[tuple[Lamp, float]]:
-    """The points that stand for the lamp's window, each as a lamp of its own, and the share of each."""
+def lamps_of_window(lamp: Lamp, z_m: ArrayLike) -> list[tuple[Lamp, float]]:
+    """The points that stand for the lamp's window, each as a lamp of its own, and the share of each.
+
+    Parameters
+    ----------
+    z_m : array, m
+        Where their light is wanted: the nearer, the more points there are.
+    """
     if lamp.radius_m == 0.0:
         return [(lamp, 1.0)]
     x, y, radius = lamp.offset_x_m, lamp.offset_y_m, lamp.radius_m
@@ -178,8 +190,28 @@ def lamps_of_window(lamp: Lamp) -> list[tuple[Lamp, float]]:
             ),
             share,
         )
-        for u, v, share in DISC
+        for u, v, share in _points(lamp, z_m)
     ]
+
+
+def _points(lamp: Lamp, z_m: ArrayLike) -> list[tuple[float, float, float]]:
+    """Places in a window of radius one, and the share of each."""
+    nearest = float(np.min(z_m, where=np.asarray(z_m) > 0, initial=math.inf)) + lamp.apparent_distance_m
+    half_width = math.sqrt(2 * LN2) * finest_rad(lamp) if lamp.profile != "isotropic" else math.inf
+    wide = lamp.radius_m / (nearest * math.tan(min(half_width, _STEEPEST)))
+    return DISC if wide <= _SEVEN else _rings(min(math.ceil(_RINGS * wide) + 1, _MOST_RINGS))
+
+
+@cache
+def _rings(count: int) -> list[tuple[float, float, float]]:
+    """Rings by Gauss and Legendre over the area, every other one turned by half a step."""
+    node, weight = np.polynomial.legendre.leggauss(count)
+    around = 2 * count + 3
+    turn = (np.arange(around) + 0.5 * (np.arange(count) % 2)[:, None]) * (2 * math.pi / around)
+    radius = np.sqrt(0.5 * (node + 1))[:, None]
+    share = np.broadcast_to(0.5 * weight[:, None] / around, turn.shape)
+    columns = (radius * np.cos(turn), radius * np.sin(turn), share)
+    return list(zip(*(column.ravel().tolist() for column in columns), strict=True))
 
 
 def _point_source(

@@ -40,7 +40,7 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
     x, y, z = place[:, 0], place[:, 1], np.where(ahead, place[:, 2], 1.0)
     scene, middle = own_formulas.lit(scene), float(middles_nm(scene)[0].mean())
     total = np.zeros_like(place)
-    for lamp, share in lamps_of_window(scene.lamp):
+    for lamp, share in lamps_of_window(scene.lamp, z):
         ray = rays(lamp, x, y, z)
         light = source(lamp, ray) * np.exp(-optical_depth(scene.water, ray, z, middle))
         total += (share * light / ray.r**3)[:, None] * np.stack([ray.dx, ray.dy, ray.dz], axis=1)

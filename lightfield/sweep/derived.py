@@ -49,7 +49,7 @@ class Formula:
         if scene.lamp.profile == "pencil":
             return None
         scene, sources = lit(scene), list[tuple[Lamp, Callable[[float], Array]]]()
-        for point, share in lamps_of_window(scene.lamp):
+        for point, share in lamps_of_window(scene.lamp, grid.z_m):
             light = partial(_in_clear_water, scene, grid, point, share)
             if not any(effect.speaks_of("wavelength") for effect in on_path(scene)):
                 light = partial(_always, light())

@@ -1,0 +1,41 @@
+"""Light of a lamp that has a wide window, beside its integral over the window."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.formula.closed_form import direct_field
+from lightfield.scene import Scene
+
+
+def integrated(x_m: np.ndarray, z_m: float, hwhm_deg: float, radius_m: float, exponent: float) -> np.ndarray:
+    """Mean over a fine grid of rings; inverse square, beam and cosine of each place in the window."""
+    node, weight = np.polynomial.legendre.leggauss(80)
+    ring, turn = radius_m * np.sqrt(0.5 * (node + 1)), (np.arange(160) + 0.5) * (2 * np.pi / 160)
+    across = x_m[:, None, None] - ring[:, None] * np.cos(turn)
+    up = ring[:, None] * np.sin(turn)
+    r = np.sqrt(across**2 + up**2 + z_m**2)
+    beam = 0.5 ** ((np.degrees(np.arccos(z_m / r)) / hwhm_deg) ** exponent)
+    return np.asarray((beam * z_m / r**3).mean(axis=2) @ (0.5 * weight))
+
+
+@pytest.mark.parametrize(
+    ("hwhm_deg", "radius_m", "z_m", "exponent"),
+    [(3.81, 0.03, 0.6, 2.0), (3.81, 0.1, 1.0, 2.0), (1.0, 0.03, 1.0, 2.0), (3.81, 0.25, 2.0, 2.0),
+     (1.0, 0.1, 1.0, 2.0), (6.0, 0.05, 1.0, 6.0)],
+)  # fmt: skip
+def test_a_window_wider_than_its_spot_is_all_of_it(
+    hwhm_deg: float, radius_m: float, z_m: float, exponent: float
+) -> None:
+    """Windows of 0.7 to 6 half widths of their beams: right to a thousandth of what is on the axis."""
+    lamp = {
+        "profile": "super-gaussian",
+        "hwhm_deg": hwhm_deg,
+        "radius_m": radius_m,
+        "shape_exponent": exponent,
+    }
+    x = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 3.0]) * (z_m * np.tan(np.radians(hwhm_deg)) + radius_m)
+    light = direct_field(Scene.from_dict({"lamp": lamp}), x, 0 * x, np.full(x.size, z_m))
+    right = integrated(x, z_m, hwhm_deg, radius_m, exponent)
+    assert np.abs(light - right).max() < 1e-3 * right[0]
