@@ -222,6 +222,22 @@ def test_a_reading_that_the_fit_meets_is_not_set_aside(monkeypatch) -> None:
     np.testing.assert_allclose(prepared.reference.u, found, atol=0.2 * toy.sigma.min())
 
 
+def test_errors_in_the_place_of_stated_ones_are_not_doubted_again(monkeypatch) -> None:
+    """Whose scatter is never as any law says (readings beside their places): one law is found, and an end."""
+    lay, asked = layout(5, 24), list[int]()
+    toy = Toy.of([candidate("odd")], {"odd": waves(lay)["odd"]}, lay)
+
+    def never_right(kept: object) -> np.ndarray:
+        asked.append(1)
+        return 2.0 * toy.sigma
+
+    monkeypatch.setattr(preparation, "_law", never_right)
+    prepared = preparation.prepare_problem(
+        toy.drawn(np.random.default_rng(1)), toy.sigma, Budget(0.0, 0.0, 0.0), np.random.default_rng(0)
+    )
+    assert prepared.doubted and len(asked) <= 3
+
+
 @pytest.mark.parametrize("seed", [1, 6, 7])
 def test_what_stands_a_millimetre_beside_its_place_is_no_slip(seed: int) -> None:
     """Near a narrow beam light falls by a per cent in a millimetre, thrice the error of a reading: such
