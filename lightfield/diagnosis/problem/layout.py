@@ -133,17 +133,19 @@ class Layout:
 
     @cached_property
     def moment(self) -> Labels:
-        """Labels from 0: readings that were taken at once at one place share theirs, shape (n,).
+        """Labels from 0: readings that were taken where the stage stood share theirs, shape (n,).
 
-        Where the stage stands a spectrometer reads every band, and the place is wrong once. Without times the
-        bands of a place were read at once, as far as anybody knows.
+        The place is wrong once for every band of a spectrometer, and for repeats until it moves. Where no
+        times are known those of one place and repeat were taken so.
         """
-        if self.one_channel:
-            return np.arange(self.size)
         if not self.has_time:
             return np.unique(self.spectrum, return_inverse=True)[1].ravel()
-        at = np.stack([self.position, self.air, *np.round([self.x_m, self.y_m, self.z_m], PLACE_DECIMALS)])
-        return np.unique(at, axis=1, return_inverse=True)[1].ravel()
+        at = np.stack([self.visit, self.air, *np.round([self.x_m, self.y_m, self.z_m], PLACE_DECIMALS)])
+        place = np.unique(at, axis=1, return_inverse=True)[1].ravel()
+        scan = np.lexsort((place, self.position))
+        label = np.empty(self.size, int)
+        label[scan] = np.cumsum(np.diff(place[scan], prepend=-1) != 0) - 1
+        return label
 
     @cached_property
     def _scaled(self) -> Array:

@@ -82,8 +82,7 @@ def test_an_assumed_plane_gain_needs_a_stay() -> None:
 
 def test_bands_of_one_moment_share_the_error_of_their_place() -> None:
     """Of a spectrometer on a stage that stands off by so much at every place: the readings' covariance is
-    that of many such tables. So it is without times, which no one needs to write down; of one band no two
-    readings share any."""
+    that of many such tables, with times or without. So do repeats of one band, until the stage moves."""
     rng, per_m = np.random.default_rng(3), np.array([2.0, 5.0, 0.5])  # slope of each band
     x, wavelength = np.repeat(np.linspace(-0.5, 0.5, 4), 3), np.tile([450.0, 520.0, 600.0], 4)
     slope, stage_m = np.tile(per_m, 4), 0.002
@@ -101,10 +100,15 @@ def test_bands_of_one_moment_share_the_error_of_their_place() -> None:
 
     drawn = np.repeat(stage_m * rng.standard_normal((20_000, 4)), 3, axis=1) * slope
     size = stage_m * np.outer(slope, slope) * stage_m
-    for moments in (np.repeat(np.arange(4) * 20.0, 3), np.full(12, np.nan)):
-        np.testing.assert_allclose(covariance(wavelength, moments) / size, np.cov(drawn.T) / size, atol=0.04)
-    alone = np.diag((stage_m * slope) ** 2)
-    np.testing.assert_allclose(covariance(np.full(12, 520.0), np.arange(12.0)), alone)
+    moments = np.repeat(np.arange(4) * 20.0, 3)
+    for time in (moments, np.full(12, np.nan)):
+        np.testing.assert_allclose(covariance(wavelength, time) / size, np.cov(drawn.T) / size, atol=0.04)
+    one_band, alone = np.full(12, 520.0), np.diag((stage_m * slope) ** 2)
+    np.testing.assert_allclose(
+        covariance(one_band, np.arange(12.0)) / size, np.cov(drawn.T) / size, atol=0.04
+    )
+    to_and_fro = np.arange(12.0).reshape(3, 4).T.ravel()  # every place once, and all once more
+    np.testing.assert_allclose(covariance(one_band, to_and_fro), alone)
 
 
 def correlated(rho: float, n: int, rng: np.random.Generator) -> np.ndarray:
