@@ -172,13 +172,13 @@ def direct_field(
     return total * on_path
 
 
-def lamps_of_window(lamp: Lamp, z_m: ArrayLike) -> list[tuple[Lamp, float]]:
+def lamps_of_window(lamp: Lamp, z_m: ArrayLike = math.inf) -> list[tuple[Lamp, float]]:
     """The points that stand for the lamp's window, each as a lamp of its own, and the share of each.
 
     Parameters
     ----------
     z_m : array, m
-        Where their light is wanted: the nearer, the more points there are.
+        Where their light is wanted: the nearer, the more points there are; default: far away.
     """
     if lamp.radius_m == 0.0:
         return [(lamp, 1.0)]
