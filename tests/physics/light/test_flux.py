@@ -279,7 +279,8 @@ def test_a_formula_of_the_angle_shapes_the_beam_that_is_traced() -> None:
     read, same, plain = (
         traced_field(one, REGION, **few).diffuse_flux(place) for one in (with_ring, lit(with_ring), SCENE)
     )
-    assert np.array_equal(read, same) and (read[:, 2] > 1.5 * plain[:, 2]).all()
+    np.testing.assert_allclose(read, same, rtol=1e-5, atol=1e-9)  # photons are added in any order
+    assert (read[:, 2] > 1.5 * plain[:, 2]).all()
 
 
 def test_parts_of_a_trace_make_the_whole(field: TracedField) -> None:

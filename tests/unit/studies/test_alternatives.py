@@ -37,7 +37,7 @@ def stack_of(**water: float) -> Stack:
     value = np.exp(-np.where(medium == "water", 0.1, 0.0) * z)
     table = Readings.from_arrays(
         z_m=z, wavelength_nm=colour, medium=medium, value=value, stderr=0.003 * value,
-        plane_gain_percent=0.1, position_mm=0.0,
+        plane_gain_percent=0.1, position_mm=0.0, common_percent=np.zeros(len(z)),
     )  # fmt: skip
     coefficients = np.zeros((NODES_A, NODES_B, len(DISTANCES)))
     coefficients[0, :2] = 0.5 * ARRIVES * DISTANCES

@@ -55,7 +55,7 @@ def test_what_the_scene_says_of_the_instrument_is_taken_from_the_readings() -> N
     instrument = Scene.from_dict({"detector": {**detector, "bands_nm": [[390.0, 410.0], [790.0, 810.0]]}})
     readings = Readings.from_arrays(
         z_m=np.repeat(z, 2), wavelength_nm=np.tile([400.0, 800.0], 5), value=shown, stderr=1e-3 * shown,
-        time_s=60.0 * np.repeat(z, 2), plane_gain_percent=0.0, position_mm=0.0,
+        time_s=60.0 * np.repeat(z, 2), plane_gain_percent=0.0, position_mm=0.0, common_percent=np.zeros(10),
     )  # fmt: skip
     assert shown.max() == pytest.approx(1.0)
     found = ratios_of(readings, instrument)
