@@ -131,7 +131,6 @@ class Setting:
             "seconds": (span_s, 0.0),
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
-            "extent": (max(far - near, _SHORTEST_RANGE_M), 0.0),
             # What is found has to be possible beside the scene's own planes as well.
             "nearest": (min(near, self.scene.detector.distances_m[0]), 0.0),
             "spread": (self.spread_per_m, 0.0),

@@ -25,7 +25,6 @@ Scale = Literal[
     "inverse_hours",
     "seconds",
     "range",
-    "extent",
     "nearest",
     "spread",
     "attenuation",
@@ -64,7 +63,7 @@ class Free:
         What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
         "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
-        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "extent" (from that to this), "nearest"
+        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "nearest"
         (distance of that, or of the scene's own if it is nearer), "spread" (of the attenuation in the band,
         1/m, as water may have it), "attenuation" (of the scene's water, 1/m).
     grid : tuple of float

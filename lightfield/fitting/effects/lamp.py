@@ -26,7 +26,7 @@ EFFECTS = (
             Form("point behind the window", (Free("lamp.apparent_distance_m", 0.0, 8.0, 0.3),)),
             Form(
                 "point in front of the window",
-                (Free("lamp.apparent_distance_m", -0.25, 0.0, 0.02, per="nearest"),),
+                (Free("lamp.apparent_distance_m", -0.05, 0.0, 0.02, per="nearest"),),
             ),
         ),
         "The light diverges from a point behind the window (reflector, lens, or a wrong range scale), "

@@ -45,14 +45,6 @@ EFFECTS = (
                 (Free("water.layer_absorption_per_m", 0.0, 1.0, 0.02),),
                 (Free("water.layer_centre_m", 0.0, 1.0, 0.1, per="range", grid=(0.2, 0.5, 0.8)),),
             ),
-            Form(
-                "thick layer",
-                (Free("water.layer_absorption_per_m", 0.0, 1.0, 0.02),),
-                (
-                    Free("water.layer_centre_m", 0.0, 1.0, 0.1, per="range", grid=(0.2, 0.5, 0.8)),
-                    Free("water.layer_width_m", 0.25, 1.0, 0.05, per="extent", grid=(0.4, 0.6)),
-                ),
-            ),
         ),
         "The water is not the same along the tank (settling, inflow, a cloud).",
         "A function of distance alone: curvature or a step in the logarithm of the axial decay.",

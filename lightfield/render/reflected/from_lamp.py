@@ -122,9 +122,10 @@ def _by_surface(
 
 
 def before_lamp(lamp: Lamp, z_m: np.ndarray) -> np.ndarray:
-    """Where its light can be: nothing comes out behind the window, but an isotropic lamp has none."""
+    """Where its light can be: nothing comes out behind the window, but an isotropic lamp has none; nor does
+    light that comes from a point in front of it reach what lies before that."""
     everywhere = lamp.profile == "isotropic" and lamp.apparent_distance_m == 0
-    return np.asarray((z_m > 0) | everywhere)
+    return np.asarray((z_m > max(0.0, -lamp.apparent_distance_m)) | everywhere)
 
 
 def in_water_m(lamp: Lamp, r_m: np.ndarray, z_m: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield.render.reflected import room
-from lightfield.render.reflected.from_lamp import fresnel, image_of_lamp
+from lightfield.render.reflected.from_lamp import before_lamp, fresnel, image_of_lamp
 from lightfield.render.reflected.orders import REFLECTIONS, reflections_of
 from lightfield.render.reflected.patches import transfer
 from lightfield.render.reflected.reflected_light import ReflectedLight
@@ -329,3 +329,9 @@ def test_a_surface_that_mirrors_more_than_all_is_between_nodes_too(monkeypatch: 
             exact.setattr(room, "SURFACE_NODES", (reflectance,))
             right = Room(scene, places, False).light(scene.lamp, taken, tank)
         assert light == pytest.approx(right, rel=1e-3)
+
+
+def test_light_from_a_point_in_front_of_the_window_reaches_nothing_before_it() -> None:
+    """Walls between window and point are dark: no way through the water there is longer than all numbers."""
+    lamp = Scene.from_toml(SCENE).lamp.model_copy(update={"apparent_distance_m": -0.5})
+    assert before_lamp(lamp, np.array([0.2, 0.5, 0.6])).tolist() == [False, False, True]
