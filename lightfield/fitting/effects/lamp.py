@@ -24,6 +24,7 @@ EFFECTS = (
         "path and attenuation",
         (
             Form("point behind the window", (Free("lamp.apparent_distance_m", 0.0, 8.0, 0.3),)),
+            # Chosen: to a tenth it did what scattering does, in two of 22 independent campaigns.
             Form(
                 "point in front of the window",
                 (Free("lamp.apparent_distance_m", -0.05, 0.0, 0.02, per="nearest"),),
