@@ -131,6 +131,12 @@ def scores(rows: Sequence[Row]) -> list[Score]:
             "<= 0.5 %",
         ),
         Score(
+            "the same, and nothing hidden is told to do in its place (clean)",
+            str(_rate(_one_more(r) and not _in_place_of(r) for r in some)),
+            "-",
+            "-",
+        ),
+        Score(
             "best set = visible truth, 1-3 effects (clean)",
             str(_rate(_exact(r) for r in few)),
             ">= 80 %",
@@ -254,6 +260,12 @@ def scores(rows: Sequence[Row]) -> list[Score]:
 def _one_more(row: Row) -> bool:
     """Everything visible was found, and names besides that were not hidden."""
     return bool(wrong(row, row["best_set"])) and all(found(row, n, row["best_set"]) for n in visible(row))
+
+
+def _in_place_of(row: Row) -> bool:
+    """Does every wrong name stand in a slot with an effect that was hidden, which is too small to be seen?"""
+    slots = {slot[0]: slot[1:] for slot in row["slots"]}
+    return all(set(slots.get(name, ())) & set(row["hidden"]) for name in wrong(row, row["best_set"]))
 
 
 def _exact(row: Row) -> bool:

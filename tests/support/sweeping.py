@@ -91,10 +91,14 @@ def blocks_done(store: Path) -> int:
     return journal.read_text().count('"block"') if journal.exists() else 0
 
 
-def same(one: np.ndarray, other: np.ndarray) -> bool:
-    """Are arrays equal: bit by bit, or to single precision on a card, whose sums have no order?"""
+def same(one: np.ndarray, other: np.ndarray, sums: np.ndarray | None = None) -> bool:
+    """Are arrays equal: bit by bit, or to single precision on a card, whose sums have no order?
+
+    A standard error is a difference of `sums`, and known to the single precision of those.
+    """
     if use_backend().kind == "cuda" and one.dtype.kind == other.dtype.kind == "f":
-        tolerance = 1e-6 * float(np.abs(other[np.isfinite(other)]).max(initial=0.0))
+        scale = other if sums is None else sums
+        tolerance = 1e-6 * float(np.abs(scale[np.isfinite(scale)]).max(initial=0.0))
         return one.shape == other.shape and np.allclose(one, other, 1e-5, tolerance, equal_nan=True)
     return one.tobytes() == other.tobytes()
 
@@ -105,8 +109,14 @@ def differences(one: Path, other: Path) -> list[str]:
     assert a.attrs["complete"] == b.attrs["complete"] == "yes"
     found = [name for name in {*a.variables, *b.variables}
              if name not in a or name not in b or a[name].dtype != b[name].dtype
-             or not same(a[name].values, b[name].values)]  # fmt: skip
+             or not same(a[name].values, b[name].values, _sums(b, str(name)))]  # fmt: skip
     return found + sorted(_files(one) ^ _files(other))
+
+
+def _sums(data: xr.Dataset, name: str) -> np.ndarray | None:
+    """Values whose standard errors a variable holds."""
+    value = name.removesuffix("_stderr")
+    return data[value].values if value != name and value in data else None
 
 
 def _files(store: Path) -> set[str]:

@@ -16,6 +16,7 @@ import pytest
 from sweeping import SCENE
 
 from lightfield.cli import main
+from lightfield.render.backend import use_backend
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 from lightfield.sweep.axes import parse_axis
@@ -81,6 +82,8 @@ assert main(["sweep", scene, *vary, *trace, "-o", f"{out}/s.zarr"]) == 0
 @pytest.mark.slow
 def test_equal_runs_leave_equal_bytes(tmp_path: Path) -> None:
     """Times stand in no file but the journal of a sweep (how long a trace took) and the ledger."""
+    if use_backend().kind == "cuda":
+        pytest.skip("sums on a card have no order: equal to single precision, not in their bits")
     (tmp_path / "scene.toml").write_text(SCENE)
     found = []
     for run in ("one", "two"):
