@@ -12,14 +12,22 @@ import shutil
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from perturbed import FIELDS, changed
 
-from lightfield.arrays import Array
-from lightfield.explorer.saved.page import page_html, some_places
+from lightfield.arrays import Array, jsonable
+from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.errors import LightfieldError
+from lightfield.explorer.experiment import Experiment
+from lightfield.explorer.saved.moving_light import ALBEDO, SCATTERING, moving_light, ranges_at_stop, why_fixed
+from lightfield.explorer.saved.packed_arrays import PackedArrays
+from lightfield.explorer.saved.page import PAGE, page_html, some_places
 from lightfield.explorer.session import Session
+from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.diffuse.directed import Keeper
@@ -170,3 +178,87 @@ def test_what_cannot_move_shows_its_numbers(session: Session) -> None:
     assert stops[-1]["why_fixed"] == "the instrument saturates"
     assert stops[-1]["moves"] == {} and "fixed" in stops[-1]["sets"]["readings"]
     assert "gain" in stops[0]["moves"]
+
+
+#: In bands of three colours, which the lamp warms up to and the time goes by; walls, floor and surface.
+EVERYTHING = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 20.0},
+        "water": {
+            "absorption_per_m": 0.08,
+            "scattering_per_m": 0.2,
+            "absorption_at": [[480, 0.05], [560, 0.1]],
+        },
+        "tank": {"width_m": 2.0, "depth_m": 1.5, "length_m": 12.0, "wall_albedo": 0.3, "surface": "flat"},
+        "detector": {
+            "planes_m": [3.0, 4.5],
+            "width_m": 1.2,
+            "bands_nm": [[470, 490], [510, 530], [550, 570]],
+        },
+    }
+)
+
+
+@needs_browser
+@pytest.mark.slow  # a trace for every field that photons know
+def test_what_a_page_moves_is_python_whatever_the_scene_states(tmp_path: Path) -> None:
+    """Every field of a scene in turn: its light moves as Python's does, or is said not to move."""
+    z, wavelength, x = (
+        v.ravel() for v in np.meshgrid([3.0, 4.5], [480.0, 520.0, 560.0], [-0.5, 0.0, 0.3], indexing="ij")
+    )
+    table = Readings.from_arrays(
+        value=np.exp(-0.3 * z) * (1 + (wavelength - 480) / 100),
+        stderr=np.full(len(z), 1e-3), x_m=x, y_m=0.2 * z - 0.8, z_m=z, wavelength_nm=wavelength,
+        time_s=100.0 * (x + z),
+    )  # fmt: skip
+    sets: list[Any] = []
+    arrays, expected, fixed = PackedArrays(), {}, {}
+    for path in FIELDS:
+        scene = changed(EVERYTHING, path)
+        if path == "detector.acceptance_hwhm_deg":  # a fifth of a degree sees next to nothing
+            scene = scene.with_values({path: 40.0})
+        forward = SceneForward(scene, table, partial(response_for, photons=20_000, keeper=AFRESH), full=1.0)
+        own = cast(Experiment, SimpleNamespace(layout=layout_of(table)))
+        values = dict.fromkeys(forward.gains.names, 1.0) | {
+            p: float(scene.get(p)) for p in (SCATTERING, ALBEDO) if scene.tank is not None or p == SCATTERING
+        }
+        fixed[path] = why_fixed(own, scene)
+        if fixed[path] is None:
+            moves = ranges_at_stop(values)
+            try:
+                found = moving_light(forward, values, forward.gains.names, moves, arrays)
+            except LightfieldError as error:
+                fixed[path] = str(error)
+                continue
+            for more in ({}, {SCATTERING: values[SCATTERING] + 0.1}):
+                albedo = values.get(ALBEDO)
+                by = {p: v - values[p] for p, v in more.items()}
+                sets.append([found, {"by": by, "ratio": {}, "background": 0.0, "albedo": albedo}])
+                expected[path, SCATTERING in more] = forward.predict(values | more)
+    got = in_the_kernel(jsonable(sets), arrays, tmp_path)
+    for (what, wanted), model in zip(expected.items(), got, strict=True):
+        check(model, wanted, what)
+    assert fixed["detector.stray_light"] and fixed["tank.floor_over_walls"]
+    assert sum(why is None for why in fixed.values()) > len(FIELDS) / 2
+
+
+def in_the_kernel(sets: list[Any], arrays: PackedArrays, folder: Path) -> list[list[float]]:
+    """Readings that the kernel of a page makes of sets of places, each moved by something."""
+    from playwright.sync_api import sync_playwright
+
+    file = folder / "kernel.html"
+    file.write_text(f"<script>const LF = {{}};{(PAGE / 'kernel.js').read_text()}</script>", encoding="utf-8")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        page = browser.new_page()
+        page.goto(file.as_uri())
+        found = page.evaluate(
+            """([text, sets]) => {
+                const buffer = Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
+                return sets.map(([set, moved]) => Array.from(
+                    LF.kernel.evaluate(LF.kernel.unpack(buffer, set), moved).model));
+            }""",
+            [arrays.text, sets],
+        )
+        browser.close()
+    return list(found)

@@ -112,6 +112,9 @@ def moving_light(
     offset, once, twice = (forward.reader.read(k * direct, values) for k in (0.0, 1.0, 2.0))
     if not np.allclose(twice - once, once - offset, rtol=_LINEAR, atol=_LINEAR * float(np.abs(once).max())):
         raise FitError("readings are not in proportion to the light")
+    slope = forward.reader.read(np.ones_like(direct), values) - offset
+    if not np.allclose(slope * direct, once - offset, rtol=_LINEAR, atol=_LINEAR * float(np.abs(once).max())):
+        raise FitError("the spectrometer mixes wavelengths (stray light or second order)")
     response = light.diffuse.solved if light.diffuse.is_in(scene) else None
     if response is not None and not isinstance(response, DiffuseResponse):
         raise FitError("this light is not a response")
@@ -123,7 +126,7 @@ def moving_light(
         "albedo": scene.reflectances[0],
         "direct": arrays.add(direct),
         "way": arrays.add(ray.water_m),
-        "slope": arrays.add(forward.reader.read(np.ones_like(direct), values) - offset),
+        "slope": arrays.add(slope),
         "offset": arrays.add(offset),
         "diffuse": None,
         "most_per_m": most,

@@ -24,7 +24,7 @@ from lightfield.render.response.response import Reference
 from lightfield.render.settings import BY_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
-from lightfield.scene.lamp.frame import beam_axes
+from lightfield.scene.lamp.frame import axis_at, beam_axes
 from lightfield.scene.lamp.width import half_width_rad
 from lightfield.scene.water.coefficients import coefficients_in
 
@@ -145,10 +145,7 @@ def _grid(scene: Scene, span: tuple[float, float], most: float) -> Grid:
     count = _PLANES if span[1] > 1.001 * span[0] else 1
     planes = np.geomspace(*span, count) if count > 1 else np.array(span[:1])
     reach = np.sqrt(most) * (span[1] + scene.lamp.apparent_distance_m)
-    lamp = scene.lamp
-    ux, uy, uz = beam_axes(lamp)[2]
-    tilt = max(abs(ux), abs(uy)) / uz
-    wanted = reach + tilt * span[1] + np.hypot(lamp.offset_x_m, lamp.offset_y_m)
+    wanted = reach + float(np.abs(axis_at(scene.lamp, np.array(span))).max())
     # Cells beyond a wall tell nothing: a narrow tank has as many across it as a wide one.
     rooms = [np.inf, np.inf] if scene.tank is None else [max(map(abs, wall)) for wall in scene.tank.box_m[:2]]
     dx, dy = (2 * min(reach, room) / _ACROSS for room in rooms)
@@ -158,7 +155,8 @@ def _grid(scene: Scene, span: tuple[float, float], most: float) -> Grid:
     cx, cy, cz = grid.centres()
     near = (_around(scene, (cx.ravel(), cy.ravel(), cz.ravel()))[1] ** 2 <= 1.02 * most).reshape(grid.shape)
     # On the nearest planes the beam may be narrower than a cell.
-    near |= np.hypot(cx - lamp.offset_x_m - ux / uz * cz, cy - lamp.offset_y_m - uy / uz * cz) <= max(dx, dy)
+    axis_x, axis_y = axis_at(scene.lamp, cz)
+    near |= np.hypot(cx - axis_x, cy - axis_y) <= max(dx, dy)
     if scene.tank is not None:
         (left, right), (low, high), _ = scene.tank.box_m
         near &= (cx - dx / 2 >= left) & (cx + dx / 2 <= right)
