@@ -105,6 +105,12 @@ class Tank(Part):
         return tan(radians(self.surface_slope_deg)) if self.surface_reflectance > 0 else 0.0
 
     @property
+    def room_m(self) -> tuple[float, float]:
+        """From the lamp's axis to the nearer wall, and to the nearer of floor and top."""
+        (left, right), (low, high), _ = self.box_m
+        return min(-left, right), min(-low, high)
+
+    @property
     def box_m(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
         """First and last x, y and z of the water, as seen from the lamp's window."""
         half, back = 0.5 * self.width_m, self.behind_lamp_m

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from lightfield.errors import SceneError
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
 from lightfield.scene.bands import middles_nm
+from lightfield.scene.parameters import fields_on, neutral_of
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene.water.water import Water
 
-#: What scatters beside `water.scattering_per_m` and a base.
-_SCATTERING = ("settling_per_m", "chlorophyll_mg_per_m3", "sediment_g_per_m3")
+#: What scatters, unless it is at its neutral value, beside `water.scattering_per_m` and a base.
+_SCATTERING = [
+    name
+    for name in fields_on(Water, Acts.SCATTERING)
+    if name in neutral_of(Water) and name not in ("base", "scattering_per_m")
+]
 
 
 def refuse_several(

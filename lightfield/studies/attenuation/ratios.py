@@ -25,8 +25,9 @@ from lightfield.formula.readout import Taken, halves, signal_of, spectra, time_f
 from lightfield.readings import Readings
 from lightfield.readings.load_warning import Remarks
 from lightfield.scene import Scene, Water
-from lightfield.scene.acts import IN_WATER
+from lightfield.scene.acts import IN_WATER, Acts
 from lightfield.scene.all_parameters import without
+from lightfield.scene.parameters import fields_on, neutral_of
 from lightfield.studies.attenuation.common_errors import stays
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
@@ -45,8 +46,6 @@ _FAINT_SIGMA = 12.0
 _OF_PLACES = ("x_m", "y_m", "z_m", "path_m", "place_stderr", "geometry")
 #: What `import` remarks of darks, in the head of its table.
 _DARK_DOUBTS = {Remarks.NO_DARK.value, Remarks.LIT_DARK.value}
-#: What makes another reading of the same light at another time, and is not taken out.
-_CHANGING = ("water.drift_per_m_per_hour", "water.settling_per_m")
 #: Entry of a table's head.
 PUBLISHED = "published_attenuation"
 #: A slope needs so many distances.
@@ -234,7 +233,8 @@ def _as_bands_scatter(found: Ratios) -> Ratios:
 def _left_in(scene: Scene) -> list[str]:
     """What the scene says that readings hold, and their ratio still does: paths of its parameters."""
     own = [e.name for e in scene.effect if not e.is_off and (e.stage == "readout" or e.speaks_of("time"))]
-    return [path for path in _CHANGING if scene.get(path)] + [f"effect.{name}" for name in own]
+    ageing = [f"water.{name}" for name in fields_on(Water, Acts.AGEING) if name in neutral_of(Water)]
+    return [path for path in ageing if scene.get(path)] + [f"effect.{name}" for name in own]
 
 
 def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:

@@ -112,15 +112,15 @@ def refuse_walls(scene: Scene, space: Space, elements: Elements) -> None:
     """
     if scene.tank is None:
         return
-    (left, right), (low, high), _ = scene.tank.box_m
+    beside, above = scene.tank.room_m
     across, up, _ = np.abs(elements.place_m).max(axis=0)
-    if space.half_width_m + across <= min(-left, right) and up <= min(-low, high):
+    if space.half_width_m + across <= beside and up <= above:
         return
     raise RenderError(
         "the formation space reaches into a wall", where="half width of the space",
         found=f"{space.half_width_m:g} m to either side, and an array that reaches {across:.3g} m across and "
         f"{up:.3g} m up",
-        rule=f"{min(-left, right):.3g} m to either side and {min(-low, high):.3g} m up or down in this tank",
+        rule=f"{beside:.3g} m to either side and {above:.3g} m up or down in this tank",
         remedy="a smaller half width, or a smaller array (array.size_m)",
     )  # fmt: skip
 
@@ -145,10 +145,9 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
     far = space.far_m + 2 * reach
     step = Region(1, 1, 2).step_m
     if scene.tank is not None:
-        (left, right), (low, high), (_, end) = scene.tank.box_m
         # Whole steps, and one and a half of them between the region and every wall; along the tank, where a
         # step is up to four times as long, half of one.
-        room = min(-left, right, -low, high)
+        room = min(scene.tank.room_m)
         across = min(across, step * (np.floor(room / step - 0.5) - 1))
         if not across > 0:
             raise RenderError(
@@ -157,7 +156,7 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
                 rule=f"{2.5 * step:g} m at least: light is traced in steps of {step:g} m",
                 remedy="a tank that is wider or deeper, or a lamp farther from its walls and surface",
             )  # fmt: skip
-        far = min(far, end - 2 * step)
+        far = min(far, scene.tank.box_m[2][1] - 2 * step)
     reference = reference_for_others(scene)
     return traced_field(scene, Region(across, near, far), photons=photons, seed=seed, reference=reference)
 

@@ -291,8 +291,7 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
     tangent = max((reach_m + _ROOM_M) / near_m, min(beam, _WIDE))
     wide, aside = tangent * end, _aside(scene, end)
     if scene.tank is not None:
-        (left, right), (low, high), (_, wall) = scene.tank.box_m
-        free = min(-left, right, -low, high) - aside
+        free = min(scene.tank.room_m) - aside
         step = min(step, (free - reach_m - _ROOM_M) / _FROM_WALLS_AT_LEAST)
         if step < _FINEST_M:
             needed = reach_m + _ROOM_M + _FROM_WALLS_AT_LEAST * _FINEST_M
@@ -302,7 +301,7 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
                 rule=f"{needed:.3g} m, for the array reaches {reach_m:.3g} m",
                 remedy="a smaller array (array.size_m), or a wider tank",
             )  # fmt: skip
-        end = min(end, wall - 4 * step)
+        end = min(end, scene.tank.box_m[2][1] - 4 * step)
         wide = min(wide, free - _FROM_WALLS * step)
     wide = max(wide, reach_m + _ROOM_M)
     region = Region(step * np.floor((wide + aside) / step + _ROUNDING), near, end, step)
