@@ -2,33 +2,76 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.quadrature import in_cell
-from lightfield.scene import Detector
+from lightfield.formula.scattered.quadrature import Nodes, finest_rad, interval
+from lightfield.scene import Detector, Lamp, Scene
+from lightfield.scene.lamp.frame import narrowest_section
 
-#: A view from which on more is not told apart, degrees.
+#: View from which on more is not told apart, degrees.
 _WIDE_DEG = 60.0
+#: Points along a side of a cell where a field is smooth (Gauss-Legendre); where its edge is sharp (even ones)
+#: at most so many, and so many to the radius of what a collimator sees of the lamp: right to 2 %. Chosen.
+_SMOOTH, _MOST, _TO_AN_EDGE = 3, 80, 16
+#: A Gaussian takes so many points for each of its standard deviations along a side, and two more, to 2e-4
+#: (test_cells.py); inverse square and cosine are as smooth as one of this part of the distance.
+_PER_WIDTH, _OF_DISTANCE = 1.15, 0.5
+#: Points of all cells of a plane, where that is more than `_MOST` along each side of each.
+_MOST_POINTS = 4_000_000
 
 
-#: Points along a side of a cell where a field is smooth (Gauss-Legendre); most of them, and so many to the
-#: radius of what a collimator sees of the lamp, whose edge is sharp (even ones): right to 2 %. Chosen.
-SMOOTH, _MOST, _TO_AN_EDGE = 3, 80, 16
+def _gauss(n: int) -> Nodes:
+    """Gauss-Legendre nodes from -1/2 to 1/2 and their shares."""
+    at, share = interval(n)
+    return Nodes(at - 0.5, share)
 
 
-def nodes_for(detector: Detector, z_m: float, pitch_m: float) -> int:
-    """Points along a side of a cell for the direct light on a plane.
+SMOOTH = _gauss(_SMOOTH)
 
-    A collimator along the axis sees the lamp from a disc about it alone, which may be smaller than a cell.
+
+def along_a_side(scene: Scene, z_m: float, pitch_m: float, cells: int) -> Nodes:
+    """Places along a side of a cell, from -1/2 to 1/2, that tell the mean of direct light on a plane.
+
+    Parameters
+    ----------
+    scene : Scene
+        Lamp and detector: a cell may be larger than the spot, or than the disc about the axis from which a
+        collimator sees the lamp.
+    z_m, pitch_m : float, m
+        Distance of the plane, and the longer side of its cells.
+    cells : int
+        How many there are.
     """
+    spot = pitch_m / _finest_m(scene.lamp, z_m)
+    most = max(_MOST, math.isqrt(_MOST_POINTS // cells))
+    smooth = int(np.clip(math.ceil(_PER_WIDTH * spot) + 2, _SMOOTH, most))
+    if (seen := _seen_m(scene.detector, z_m)) is None:
+        return _gauss(smooth)
+    edge = math.ceil(_TO_AN_EDGE * pitch_m / seen)
+    if edge <= _SMOOTH:
+        return _gauss(smooth)
+    n = max(min(edge, _MOST), smooth)
+    return Nodes((np.arange(n) + 0.5) / n - 0.5, np.full(n, 1.0 / n))
+
+
+def _finest_m(lamp: Lamp, z_m: float) -> float:
+    """Standard deviation of the Gaussian that is as sharp as the light on a plane is, m."""
+    away = z_m + lamp.apparent_distance_m
+    if lamp.profile == "isotropic":
+        return _OF_DISTANCE * away
+    return away * min(math.tan(narrowest_section(lamp) * finest_rad(lamp)), _OF_DISTANCE)
+
+
+def _seen_m(detector: Detector, z_m: float) -> float | None:
+    """Radius of the disc from which a collimator along the axis sees the lamp, m; None of other receivers."""
     if detector.quantity != "radiance" or detector.aim == "lamp":
-        return SMOOTH
-    seen = z_m * np.tan(np.radians(min(0.5 * detector.full_angle_deg, _WIDE_DEG)))
-    return int(np.clip(np.ceil(_TO_AN_EDGE * pitch_m / seen), SMOOTH, _MOST))
+        return None
+    return z_m * math.tan(math.radians(min(0.5 * detector.full_angle_deg, _WIDE_DEG)))
 
 
 def cell_mean(
@@ -37,35 +80,31 @@ def cell_mean(
     y_m: Array,
     pitch_x_m: float,
     pitch_y_m: float,
-    nodes: int = SMOOTH,
+    side: Nodes = SMOOTH,
 ) -> Array:
     """A field averaged over every cell of a plane.
 
     Parameters
     ----------
     field : callable
-        Of x and y, m, arrays of shape (n_y, n_x); gives an array of shape (..., n_y, n_x).
+        Of x and y, m, arrays of one shape (n, m); gives an array of shape (..., n, m).
     x_m, y_m : arrays, shape (n_x,) and (n_y,), m
         Centres of the cells.
     pitch_x_m, pitch_y_m : float, m
         Their size.
-    nodes : int
-        Along each side, see `nodes_for`.
+    side : Nodes
+        Places along each side, see `along_a_side`.
 
     Returns
     -------
     array, shape (..., n_y, n_x), unit of the field
     """
+    across = np.add.outer(x_m, side.at * pitch_x_m).ravel()
     total: Array = np.zeros(1)
-    for (u, v), weight in zip(*(in_cell(nodes) if nodes == SMOOTH else _evenly(nodes)), strict=True):
-        total = total + weight * field(*np.meshgrid(x_m + u * pitch_x_m, y_m + v * pitch_y_m))
+    for v, share in zip(*side, strict=True):
+        light = field(*np.meshgrid(across, y_m + v * pitch_y_m))  # [..., n_y, n_x * n]
+        total = total + share * (light.reshape(*light.shape[:-1], len(x_m), -1) @ side.weight)
     return total
-
-
-def _evenly(n: int) -> tuple[Array, Array]:
-    """Middles of n x n equal parts of a square of side one about zero, shape (n^2, 2), and their shares."""
-    at = (np.arange(n) + 0.5) / n - 0.5
-    return np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2), np.full(n * n, n**-2.0)
 
 
 def pitch_m(centres_m: Array) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.formula.closed_form import direct_field, lamps_of_window, optical_depth, rays
 from lightfield.formula.own_formulas import factor, lit, on_path
-from lightfield.maps.cells import axis_cells, cell_mean, nodes_for
+from lightfield.maps.cells import along_a_side, axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
 from lightfield.render.response.grid import Grid
 from lightfield.scene import Lamp, Scene, Water
@@ -82,8 +82,9 @@ def _in_clear_water(
         # Own effects speak of the lamp, and not of points of its window.
         return direct_field(alone, x, y, z) * factor(scene, ("path",), x, y, z, wavelength_nm)
 
-    nodes = nodes_for(scene.detector, float(z.min()), max(grid.pitch_x_m, grid.pitch_y_m))
-    return np.asarray(share * cell_mean(field, *cells, nodes))
+    pitch, count = max(grid.pitch_x_m, grid.pitch_y_m), len(grid.x_m) * len(grid.y_m)
+    side = along_a_side(scene, float(z.min()), pitch, count)
+    return np.asarray(share * cell_mean(field, *cells, side))
 
 
 def _always(light: Array, _wavelength_nm: float) -> Array:

@@ -40,6 +40,11 @@ def is_lopsided(lamp: Lamp) -> bool:
     return bool(lamp.asymmetry_x or lamp.asymmetry_y)
 
 
+def narrowest_section(lamp: Lamp) -> float:
+    """Width of the beam in its narrowest direction over that of its profile, or of its table."""
+    return min(lamp.ellipticity, 1.0) * (1.0 - math.hypot(lamp.asymmetry_x, lamp.asymmetry_y))
+
+
 def is_mirrored(lamp: Lamp) -> tuple[bool, bool]:
     """Is the section of the beam the same at -x, and at -y?"""
     in_x, in_y = beam_table(str(lamp.intensity_table)).mirrored if lamp.profile == "table" else (True, True)

@@ -17,7 +17,8 @@ from scipy.ndimage import gaussian_filter
 from lightfield.arrays import Array, finite
 from lightfield.errors import UsageError
 from lightfield.formula.closed_form import direct_field
-from lightfield.maps.cells import cell_mean, nodes_for, pitch_m
+from lightfield.formula.own_formulas import lit
+from lightfield.maps.cells import along_a_side, cell_mean, pitch_m
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
 from lightfield.scene.bands import BandLight, at_wavelengths, over_band
@@ -319,7 +320,8 @@ def on_cells(
 
     # One cell alone does not tell its size: the plane does.
     dx, dy = (pitch_m(c) or size for c, size in zip((x_m, y_m), scene.plane_size_m, strict=True))
-    return cell_mean(field, x_m, y_m, dx, dy, nodes_for(scene.detector, z_m, max(dx, dy)))
+    side = along_a_side(lit(scene), z_m, max(dx, dy), len(x_m) * len(y_m))
+    return cell_mean(field, x_m, y_m, dx, dy, side)
 
 
 def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: BandLight) -> Array:

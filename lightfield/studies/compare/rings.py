@@ -86,7 +86,9 @@ def radial_profile(
     ring = np.round(radius / pitch).astype(int)
     reach = min(x_m[-1] - centre[0], centre[0] - x_m[0], y_m[-1] - centre[1], centre[1] - y_m[0]) + pitch / 2
     known = np.isfinite(render)
-    rings = max(1, min(int(reach / pitch + 0.5 + 1e-9), int(ring[~known].min(initial=ring.max() + 1))))
+    whole = min(int(reach / pitch + 0.5 + 1e-9), int(ring[~known].min(initial=ring.max() + 1)))
+    # About a corner of the outermost cells the first ring with any in it is cut by the edge.
+    rings = max(whole, int(ring[known].min(initial=ring.max())) + 1)
     inside = (ring < rings) & known
     count = np.bincount(ring[inside], minlength=rings)
     used = count > 0

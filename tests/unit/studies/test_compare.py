@@ -143,6 +143,23 @@ def test_rings_have_the_error_of_a_mean():
     assert profile.r_m.max() <= 1.03
 
 
+@pytest.mark.parametrize(("pixels", "centre"), [(2, (0.0, 0.0)), (20, (0.9, 0.9))])
+def test_the_first_ring_about_a_corner_of_the_outermost_cells_is_kept(pixels, centre):
+    """No cell is nearer to the centre than 0.7 of its size, and the edge of the plane one size off."""
+    pitch = 2 / pixels
+    x = (np.arange(pixels) + 0.5) * pitch - 1
+    profile = radial_profile(
+        np.ones((pixels, pixels)), np.full((pixels, pixels), 0.1), np.ones((pixels, pixels)), x, x, centre
+    )
+    np.testing.assert_allclose(profile.r_m, [pitch / np.sqrt(2)])
+    np.testing.assert_allclose(profile.stderr, [0.05])  # of four cells
+
+
+def test_four_pixels_are_compared(make, formula):
+    comparison = compare(to_dataset(make(pixels=2)), formula)
+    assert "Of the light on the plane" in as_text(comparison)
+
+
 def test_silent_cells_have_unknown_error_and_do_not_count():
     x = np.linspace(-1, 1, 21)
     render = np.zeros((21, 21))
