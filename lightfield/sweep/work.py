@@ -33,6 +33,7 @@ from lightfield.scene.all_parameters import only
 from lightfield.scene.bands import PIECES, over_bands
 from lightfield.scene.water.coefficients import coefficients_in, is_grey
 from lightfield.storage.files import atomic_path
+from lightfield.storage.tables import kept_by_tables
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.derived import Formula, derive
@@ -316,7 +317,7 @@ def _formula(scene: Scene) -> np.ndarray | None:
     return None if formula is None else formula.bands(scene)
 
 
-@lru_cache(maxsize=4)
+@kept_by_tables(4)
 def _geometry(scene: Scene) -> Formula | None:
     """Geometry of the formula in a scene of lamp, tank and detector alone, remembered for the next case."""
     return Formula.of(scene, scene_grid(scene))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from lightfield.scene.bands import over_band
 from lightfield.scene.parameters import Parameter
 from lightfield.studies.compare.maps import closed_form, on_cells
 from lightfield.sweep.derived import Formula
+from lightfield.sweep.work import _formula
 
 EVERYTHING_ON = Scene.from_dict(
     {
@@ -92,3 +94,15 @@ def test_points_of_absorption_are_counted_once() -> None:
     clear = scene.with_values({"water.absorption_at": ()})
     with_points, without = (both(s)[0][0, 0, 1, 1] for s in (scene, clear))
     assert with_points / without == pytest.approx(np.exp(-0.2 * 4.5), rel=1e-5)
+
+
+def test_a_lamp_whose_table_is_written_anew_has_a_formula_of_its_own(tmp_path: Path) -> None:
+    """0.42 m aside at 1.5 m are 16 degrees: in a beam that ends at 20, dark beside one that ends at 10."""
+    table, aside = tmp_path / "lamp.csv", []
+    detector = {"planes_m": [1.5], "width_m": 1.2, "pixels": 24}
+    for ends_deg in (20, 10):
+        table.write_text(f"angle_deg,intensity\n0,1\n{ends_deg},1\n", encoding="utf-8")
+        formula = _formula(Scene.from_dict({"lamp": {"intensity_table": str(table)}, "detector": detector}))
+        assert formula is not None and formula[0, 0, 11, 11] > 0
+        aside.append(formula[0, 0, 11, 20])
+    assert aside[0] > 0 == aside[1]
