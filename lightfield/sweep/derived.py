@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from math import ceil, hypot, isqrt
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,17 @@ from lightfield.formula.closed_form import direct_field, lamps_of_window, optica
 from lightfield.formula.own_formulas import factor, lit, on_path
 from lightfield.maps.cells import along_a_side, axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
-from lightfield.render.response.grid import Grid
+from lightfield.render.response.grid import Grid, cell_centres
 from lightfield.scene import Lamp, Scene, Water
 from lightfield.scene.bands import over_bands
+from lightfield.scene.in_tank import ROUNDING_M
+from lightfield.scene.lamp.frame import axis_at
 from lightfield.scene.listed import OWN_FIELD
 
 ENOUGH_KNOWN, FEWEST_CELLS = 0.02, 3.5  # relative error of a cell, cells in a half width
+#: The formula's light is attenuated along the way to the middle of a cell, or of its parts: ways to the sides
+#: of one differ by less than this, m. And parts of a plane at most.
+_ONE_WAY_M, _MOST_PARTS = 0.03, 1_000_000
 
 
 @dataclass(frozen=True)
@@ -30,12 +36,15 @@ class Formula:
     Parameters
     ----------
     sources : tuple of (Lamp, callable)
-        Points of the lamp's window, and the light of each at a wavelength in nm, averaged over every cell, in
-        clear water and for unit on-axis intensity of the whole window: shape (n_planes, n_y, n_x), m^-2.
+        Points of the lamp's window, and the light of each at a wavelength in nm, averaged over every part of
+        a cell, in clear water and for unit on-axis intensity of the whole window, m^-2: shape of `finer`.
+    grid, finer : Grid
+        The cells, and the equal parts that each has along x and y.
     """
 
     sources: tuple[tuple[Lamp, Callable[[float], Array]], ...]
     grid: Grid
+    finer: Grid
 
     @classmethod
     def of(cls, scene: Scene, grid: Grid) -> Formula | None:
@@ -49,26 +58,48 @@ class Formula:
         if scene.lamp.profile == "pencil":
             return None
         scene, sources = lit(scene), list[tuple[Lamp, Callable[[float], Array]]]()
+        finer = _in_parts(grid, scene.lamp)
         for point, share in lamps_of_window(scene.lamp, grid.z_m):
-            light = partial(_in_clear_water, scene, grid, point, share)
+            light = partial(_in_clear_water, scene, finer, point, share)
             if not any(effect.speaks_of("wavelength") for effect in on_path(scene)):
                 light = partial(_always, light())
             sources.append((point, light))
-        return cls(tuple(sources), grid)
+        return cls(tuple(sources), grid, finer)
 
     def bands(self, scene: Scene) -> Array:
         """Absolute maps of a case, shape (n_bands, n_planes, n_y, n_x), unit of the render's maps."""
-        z, y, x = np.meshgrid(self.grid.z_m, self.grid.y_m, self.grid.x_m, indexing="ij")
+        z, y, x = np.meshgrid(self.finer.z_m, self.finer.y_m, self.finer.x_m, indexing="ij")
         spectrum = over_bands(scene)
-        maps = np.zeros((len(spectrum.intensity), *self.grid.shape))
+        maps = np.zeros((len(spectrum.intensity), *self.finer.shape))
         for point, light in self.sources:
-            # Within a cell the path changes far less than its attenuation length: the centre's will do.
             ray = rays(point, x, y, z)
             for total, band, power in zip(maps, *spectrum, strict=True):
                 for w, intensity in zip(band, power, strict=True):
                     left = np.exp(-optical_depth(scene.water, ray, z, w))
                     total += intensity / len(band) * light(w) * left
-        return maps
+        planes, rows, columns = self.grid.shape
+        return np.asarray(maps.reshape(len(maps), planes, rows, -1, columns, self._along_x).mean(axis=(3, 5)))
+
+    @property
+    def _along_x(self) -> int:
+        """Parts of a cell along x."""
+        return len(self.finer.x_m) // len(self.grid.x_m)
+
+
+def _in_parts(grid: Grid, lamp: Lamp) -> Grid:
+    """Parts of the cells, to the sides of which ways from the lamp are as good as one."""
+    most = isqrt(max(_MOST_PARTS // (len(grid.x_m) * len(grid.y_m)), 1))
+    away = float(grid.z_m.min()) + lamp.apparent_distance_m
+    sides: list[tuple[Array, float]] = []
+    for centres, pitch, offset in (
+        (grid.x_m, grid.pitch_x_m, lamp.offset_x_m),
+        (grid.y_m, grid.pitch_y_m, lamp.offset_y_m),
+    ):
+        aside = float(np.abs(centres - offset).max()) + 0.5 * pitch
+        n = min(ceil(pitch * aside / hypot(aside, away) / _ONE_WAY_M), most)
+        sides.append((np.add.outer(centres, cell_centres(pitch, n)).ravel(), pitch / n))
+    (x, pitch_x), (y, pitch_y) = sides
+    return replace(grid, x_m=x, y_m=y, pitch_x_m=pitch_x, pitch_y_m=pitch_y, inside=None)
 
 
 def _in_clear_water(
@@ -97,6 +128,7 @@ def derive(
     stderr: Array,
     formula: Array | None,
     grid: Grid,
+    lamp: Lamp,
     merged: NDArray[np.integer[Any]] | None = None,
 ) -> dict[str, Array]:
     """Derived quantities of one case.
@@ -107,6 +139,8 @@ def derive(
         NaN outside the tank. Errors of different cells are taken as independent: a photon rarely meets a
         plane twice.
     formula : array of that shape, optional
+    lamp : Lamp
+        Its axis is meant by "on the axis": NaN on planes that it does not meet.
     merged : array of int, shape (n_planes, n_y, n_x), optional
         Cells of the same number are mirror images that share one error.
 
@@ -115,12 +149,12 @@ def derive(
     dict of name to array, shape (n_bands, n_planes)
         See `schema.derived_variables`; NaN where there is nothing to tell.
     """
-    near = axis_cells(grid.x_m, grid.y_m)
+    near = _on_axis(grid, lamp)
     # An error that k cells share counts k times over in a sum, and not as the root of k.
     images = 1.0 if merged is None else np.bincount(merged.ravel())[merged]
     known = np.where(np.isfinite(stderr), stderr, 0.0) * np.sqrt(images)
-    axis = mean[..., near].mean(-1)
-    axis_error = np.sqrt(((stderr * np.sqrt(images))[..., near] ** 2).sum(-1)) / near.sum()
+    axis = _mean_of(mean, near)
+    axis_error = np.sqrt(_mean_of(images * stderr**2, near) / np.maximum(near.sum((-2, -1)), 1))
     area = grid.pitch_x_m * grid.pitch_y_m
     power, power_error = np.nansum(mean, (-2, -1)) * area, np.sqrt((known**2).sum((-2, -1))) * area
     width, width_error = np.full(axis.shape, np.nan), np.full(axis.shape, np.nan)
@@ -137,13 +171,29 @@ def derive(
     if formula is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
             for name, model, render, error in (
-                ("axis", formula[..., near].mean(-1), axis, axis_error),
+                ("axis", _mean_of(formula, near), axis, axis_error),
                 ("power", np.sum(formula, (-2, -1), where=~np.isnan(mean)) * area, power, power_error),
             ):
                 ratio = np.where(render > 0, model / render, np.nan)
                 result[f"formula_error_{name}"] = ratio - 1
                 result[f"formula_error_{name}_stderr"] = np.where(render > 0, ratio * error / render, np.nan)
     return result
+
+
+def _on_axis(grid: Grid, lamp: Lamp) -> NDArray[np.bool_]:
+    """The cell, or the equally near cells, where the lamp's axis meets each plane; none of one it misses."""
+    near, sides = np.zeros(grid.shape, bool), ((grid.x_m, grid.pitch_x_m), (grid.y_m, grid.pitch_y_m))
+    for cells, *at in zip(near, *axis_at(lamp, grid.z_m), strict=True):
+        beside = [centres - place for (centres, _), place in zip(sides, at, strict=True)]
+        if all(np.abs(v).min() <= 0.5 * p + ROUNDING_M for v, (_, p) in zip(beside, sides, strict=True)):
+            cells[:] = axis_cells(*beside)
+    return near
+
+
+def _mean_of(values: Array, cells: NDArray[np.bool_]) -> Array:
+    """Mean over some cells of each plane, shape (..., n_planes); NaN where there are none."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(cells, values, 0.0).sum((-2, -1)) / cells.sum((-2, -1)))
 
 
 def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:

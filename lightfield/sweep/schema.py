@@ -133,14 +133,19 @@ def _state_variables(plan: SweepPlan) -> dict[str, Variable]:
 def derived_variables(quantity: str, units: str, area_units: str) -> list[tuple[str, str, str, str]]:
     """Name in the store, name in `derived.derive`, unit and meaning of every derived quantity."""
     told = [
-        (f"on_axis_{quantity}", "on_axis", units, f"{quantity} on the axis"),
+        (
+            f"on_axis_{quantity}",
+            "on_axis",
+            units,
+            f"{quantity} on the lamp's axis; NaN where it misses the plane",
+        ),
         ("plane_power", "plane_power", area_units, "integral over the plane"),
         ("half_width_m", "half_width", "m", "half width at half maximum of the spot, mean of x and y"),
         (
             "formula_error_on_axis",
             "formula_error_axis",
             "1",
-            "closed-form model over render, minus one, on the axis",
+            "closed-form model over render, minus one, on the lamp's axis",
         ),
         ("formula_error_of_power", "formula_error_power", "1", "the same for the integral over the plane"),
     ]

@@ -31,7 +31,7 @@ from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.schema import MESSAGE, SweepKind, axes_as_plain
 from lightfield.sweep.sweep_plan import SweepPlan
 
-FORMAT = 4  # of the store; raised whenever the same plan would give other numbers
+FORMAT = 5  # of the store; raised whenever the same plan would give other numbers
 
 
 class SweepStore:

@@ -202,7 +202,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
                 except LightfieldError as error:
                     failed[int(block.cases[i])] = one_line(error)[:240]
                     continue
-                found = derive(mean, stderr, formula, grid, response.merged)
+                found = derive(mean, stderr, formula, grid, scene.lamp, response.merged)
                 if target.quantity in results:
                     results[target.quantity][i], results[f"{target.quantity}_stderr"][i] = mean, stderr
                 for name, key, _, _ in names:

@@ -81,9 +81,10 @@ def test_a_spot_is_measured_where_its_contour_is_known():
 
 def test_numbers_of_a_sweep_leave_out_what_is_outside(maps):
     data = maps(True)
-    grid = scene_grid(compare(data).scene)
+    scene = compare(data).scene
+    grid = scene_grid(scene)
     mean, stderr = data.irradiance.values, data.irradiance_stderr.values
-    found = derive(mean, stderr, np.nan_to_num(2 * mean, nan=1e9), grid)
+    found = derive(mean, stderr, np.nan_to_num(2 * mean, nan=1e9), grid, scene.lamp)
     area = grid.pitch_x_m * grid.pitch_y_m
     np.testing.assert_allclose(found["plane_power"], np.nansum(mean, axis=(2, 3)) * area)
     np.testing.assert_allclose(found["formula_error_power"], 1.0)

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightfield.formula.closed_form import direct_field
 from lightfield.render.response.grid import scene_grid
 from lightfield.scene import Scene
-from lightfield.scene.bands import over_band
+from lightfield.scene.bands import over_band, over_bands
 from lightfield.scene.parameters import Parameter
 from lightfield.studies.compare.maps import closed_form, on_cells
 from lightfield.sweep.derived import Formula
@@ -94,6 +95,30 @@ def test_points_of_absorption_are_counted_once() -> None:
     clear = scene.with_values({"water.absorption_at": ()})
     with_points, without = (both(s)[0][0, 0, 1, 1] for s in (scene, clear))
     assert with_points / without == pytest.approx(np.exp(-0.2 * 4.5), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("lamp", "pixels", "width_m"),
+    [
+        ({"hwhm_deg": 40.0}, 1, 2.0),
+        ({"hwhm_deg": 40.0, "offset_x_m": 0.4}, 3, 3.0),
+        ({"radius_m": 0.1}, 2, 2.0),
+    ],
+)
+def test_light_in_a_coarse_cell_is_dimmed_along_its_ways(
+    lamp: dict[str, Any], pixels: int, width_m: float
+) -> None:
+    """Beside 600 x 600 points: to the middle of a cell of 2 m at 0.8 m it is 0.8 m, to a corner 1.6."""
+    detector = {"planes_m": [0.8], "width_m": width_m, "pixels": pixels}
+    water = {"absorption_per_m": 1.5, "gradient_per_m2": 0.1, "height_gradient_per_m2": 0.2}
+    scene = Scene.from_dict({"lamp": lamp, "water": water, "detector": detector})
+    fine = (np.arange(600) + 0.5) * (width_m / 600) - 0.5 * width_m
+    light = direct_field(scene, *np.meshgrid(fine, fine), 0.8)
+    right = light.reshape(pixels, 600 // pixels, pixels, -1).mean(axis=(1, 3))
+    formula = Formula.of(scene, scene_grid(scene))
+    assert formula is not None
+    found = formula.bands(scene)[0, 0] / over_bands(scene).intensity.mean()
+    np.testing.assert_allclose(found, right, rtol=1e-3)
 
 
 def test_a_lamp_whose_table_is_written_anew_has_a_formula_of_its_own(tmp_path: Path) -> None:

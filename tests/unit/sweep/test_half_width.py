@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lightfield.render.response.grid import Grid, cell_centres
+from lightfield.scene import Lamp
 from lightfield.sweep.derived import derive, half_width
 
 
@@ -40,9 +41,25 @@ def test_mirror_images_share_one_error() -> None:
     c = cell_centres(1.0, 2)
     grid = Grid(np.array([5.0]), c, c, 0.5, 0.5)
     mean, stderr = np.ones((1, 1, 2, 2)), np.full((1, 1, 2, 2), 0.1)
-    alone = derive(mean, stderr, None, grid)
-    together = derive(mean, stderr, None, grid, np.zeros((1, 2, 2), int))
+    alone = derive(mean, stderr, None, grid, Lamp())
+    together = derive(mean, stderr, None, grid, Lamp(), np.zeros((1, 2, 2), int))
     assert alone["plane_power_stderr"][0, 0] == pytest.approx(0.25 * 0.2)
     assert together["plane_power_stderr"][0, 0] == pytest.approx(0.25 * 0.4)
     assert together["on_axis_stderr"][0, 0] == pytest.approx(0.1)
     assert alone["on_axis_stderr"][0, 0] == pytest.approx(0.05)
+
+
+def test_on_the_axis_is_on_that_of_the_lamp() -> None:
+    """0.15 m aside and 2 degrees to the left: at 5 m over the middle cell; a lamp beside the plane."""
+    c = cell_centres(1.5, 5)
+    grid = Grid(np.array([2.0, 5.0, 20.0]), c, c, 0.3, 0.3)
+    mean = np.arange(75.0).reshape(1, 3, 5, 5)
+    lamp = Lamp(offset_x_m=0.17, offset_y_m=0.3, tilt_x_deg=-2.0)
+    found = derive(mean, 0.1 * mean, 2 * mean, grid, lamp)
+    # At x = 0.100, -0.005, -0.528 and y = 0.3: row 3, columns 2, 2 and 0.
+    np.testing.assert_allclose(found["on_axis"], [[17.0, 42.0, 65.0]])
+    np.testing.assert_allclose(found["on_axis_stderr"], [[1.7, 4.2, 6.5]])
+    np.testing.assert_allclose(found["formula_error_axis"], [[1.0, 1.0, 1.0]])
+    beyond = derive(mean, 0.1 * mean, 2 * mean, grid, Lamp(offset_y_m=0.76))
+    assert np.isnan(beyond["on_axis"]).all() and np.isnan(beyond["formula_error_axis"]).all()
+    assert np.isfinite(beyond["plane_power"]).all()
