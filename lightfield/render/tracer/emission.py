@@ -152,8 +152,9 @@ class Emission:
         node = mi.UInt32(0) if self.nodes is None else self._node(self.nodes, theta, u2, rng)
         direction = self.in_tank(local)
         origin = self.on_window(rng.next_float32(), rng.next_float32())
-        # Light starts at the window z = 0 and seems to diverge from a point behind it.
-        back = self.value["apparent"] / dr.maximum(direction.z, 1e-3)
+        # Light starts at the window z = 0 and seems to diverge from a point behind it; what a wide or tilted
+        # beam sends back from the window begins there.
+        back = dr.select(direction.z > 0, self.value["apparent"] / dr.maximum(direction.z, 1e-3), 0)
         position = mi.Point3f(origin.x + direction.x * back, origin.y + direction.y * back, 0)
         return FirstFlights(position, direction, weight, node)
 

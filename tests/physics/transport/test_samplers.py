@@ -15,6 +15,7 @@ from montecarlo import chi_square_p, normal_scores
 from scipy import stats
 
 from lightfield.render.tracer.emission import Emission
+from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.water.phase.of_scene import parse_phase
@@ -219,3 +220,18 @@ def test_measured_beam_that_is_not_round_is_carried(tmp_path: Path) -> None:
     file = ies(tmp_path / "aside.ies", aside, np.arange(0.0, 351.0, 10.0))
     lamp = Lamp.model_validate({"profile": "table", "intensity_table": str(file)})
     assert carries_the_beam(lamp, seed=17)
+
+
+@pytest.mark.parametrize("lamp", [{"profile": "isotropic"}, {"hwhm_deg": 40.0, "tilt_x_deg": 60.0}])
+def test_light_that_flies_back_begins_at_the_window(lamp: dict[str, Any]) -> None:
+    """What flies ahead meets the window plane on its line from the source, 0.5 m behind its middle."""
+    given = Lamp(**lamp, offset_x_m=0.2, radius_m=0.05, apparent_distance_m=0.5)
+    flights = Emission(given, 0.5).sample(dr.arange(mi.UInt32, 4096), ScrambledSobol(3), mi.PCG32(size=4096))
+    position, direction = np.array(flights.position).T, np.array(flights.direction).T
+    aside = position - [0.2, 0.0, 0.0]
+    ahead = direction[:, 2] > 0.01
+    aside[ahead] -= 0.5 * direction[ahead] / direction[ahead, 2:]
+    aside[ahead, 2] = 0.0
+    back = direction[:, 2] < 0
+    assert back.sum() > 100 and ahead.sum() > 100
+    assert np.linalg.norm(aside[ahead | back], axis=1).max() < 0.05 + 1e-4
