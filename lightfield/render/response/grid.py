@@ -331,7 +331,7 @@ def straight_path(scene: Scene, grid: Grid, nearest: bool = False) -> np.ndarray
     Parameters
     ----------
     nearest : bool
-        To the nearest point of the cell, see `Planes`; else to its middle.
+        From the nearest point of the window to that of the cell, see `Planes`; else between their middles.
     """
     x, y, z = grid.centres()
     lamp = scene.lamp
@@ -340,4 +340,5 @@ def straight_path(scene: Scene, grid: Grid, nearest: bool = False) -> np.ndarray
     if nearest:
         aside_x = np.maximum(aside_x - 0.5 * grid.pitch_x_m, 0)
         aside_y = np.maximum(aside_y - 0.5 * grid.pitch_y_m, 0)
-    return np.asarray(beyond_window(np.sqrt(aside_x**2 + aside_y**2 + (z + behind) ** 2), z, behind))
+    aside = np.maximum(np.hypot(aside_x, aside_y) - (lamp.radius_m if nearest else 0.0), 0)
+    return np.asarray(beyond_window(np.hypot(aside, z + behind), z, behind))

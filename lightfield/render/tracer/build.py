@@ -143,7 +143,8 @@ def assembled(
     else:
         tallied = grid if images is None else images.traced(grid)
         grid = grid if images is None else replace(grid, merged=images.told_by)
-        planes = Planes(tallied, scene.detector, position, lamp.apparent_distance_m, ends, whole_cells)
+        behind, window = lamp.apparent_distance_m, lamp.radius_m
+        planes = Planes(tallied, scene.detector, position, behind, ends, whole_cells, window)
     histories = histories_of(scene, reference, grid, reflects, nodes, flux or nodes is not None, path_nodes)
     reference_water = ReferenceWater(reference.absorption_per_m, reference.scattering_per_m, scene.water)
     # Open water has no geometry to search: the walk itself ends far out.

@@ -60,8 +60,10 @@ class Planes:
     ends_m : tuple of 2 floats, m
         Where the water begins and ends in z: no slab reaches beyond.
     whole_cells : bool
-        Straight lines go to the nearest point of a cell, which makes its mean right in any other water; else
-        to the very point, which is for cells that are asked for the light at their middle.
+        Straight lines lead from the nearest point of the window to that of a cell, which makes its mean right
+        in any other water; else between the very points, for cells that are asked for light at their middle.
+    window_m : float, m
+        Radius of the window, for those of whole cells.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class Planes:
         apparent_distance_m: float = 0.0,
         ends_m: tuple[float, float] = (-inf, inf),
         whole_cells: bool = False,
+        window_m: float = 0.0,
     ) -> None:
         self.receiver, self.whole_cells = receiver, whole_cells
         every = np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied
@@ -101,7 +104,7 @@ class Planes:
         self.last = _opaque((grid.z_m + 0.5 * thickness).max())
         self.reach = _opaque(open_water_m(grid))
         self.lamp = [_opaque(v) for v in lamp_position_m]
-        self.apparent = _opaque(apparent_distance_m)
+        self.apparent, self.window = _opaque(apparent_distance_m), _opaque(window_m)
         self.acceptance_hwhm = _opaque(radians(receiver.acceptance_hwhm_deg))
         self.cosine_error = _opaque(receiver.cosine_error)
         x, _, z = tilted_axis(receiver)
@@ -190,11 +193,12 @@ class Planes:
         z = crossing.z
         to_lamp = mi.Vector3f(self.lamp[0] - crossing.x, self.lamp[1] - crossing.y, self.lamp[2] - z)
         response = self._response(direction, to_lamp, crossing.per_depth)
-        aside_x, aside_y = to_lamp.x, to_lamp.y
+        aside = mi.Vector2f(to_lamp.x, to_lamp.y)
         if self.whole_cells:
-            aside_x = self._to_cell(crossing.x, self.lamp[0], self.first_x, self.per_x)
-            aside_y = self._to_cell(crossing.y, self.lamp[1], self.first_y, self.per_y)
-        full = dr.norm(mi.Vector3f(aside_x, aside_y, to_lamp.z - self.apparent))
+            aside.x = self._to_cell(crossing.x, self.lamp[0], self.first_x, self.per_x)
+            aside.y = self._to_cell(crossing.y, self.lamp[1], self.first_y, self.per_y)
+            aside = mi.Vector2f(dr.maximum(dr.norm(aside) - self.window, 0), 0)
+        full = dr.norm(mi.Vector3f(aside.x, aside.y, to_lamp.z - self.apparent))
         return (response * self.per_area,), beyond_window(full, z, self.apparent)
 
     @staticmethod

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from montecarlo import same_light_p
+from montecarlo import cell_average, chi_square_p, normal_scores, same_light_p
 from scipy import stats
 
+from lightfield.formula.closed_form import direct_field
 from lightfield.render.backend import use_backend
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import scene_grid
@@ -82,6 +83,23 @@ def test_coarse_cells_are_right_on_the_mean_in_other_water() -> None:
     for part in ("all", "diffuse"):
         maps = [one.batches(0.6, 0.1, 0.0, 0.0, part=part) for one in both]
         assert same_light_p(*maps) > 0.001
+
+
+def test_light_of_a_wide_window_in_other_water() -> None:
+    """Aside, light from its near rim has a shorter way than that from its middle: 0.15 of 1.5 m at 1.2 m.
+
+    Traced in water of 0.1 per m, beside the closed form in water of 2.1: side cells were 4 % too dark.
+    """
+    lamp = {"hwhm_deg": 40.0, "radius_m": 0.3}
+    detector = {"planes_m": [1.0], "width_m": 3.0, "pixels": 5}
+    scene = Scene.from_dict({"lamp": lamp, "water": {"absorption_per_m": 2.1}, "detector": detector})
+    reference = Reference(0.1, 0.0, 0.0)
+    rendering = render_scene(scene, rel_error=1e-3, max_photons=2e6, reference=reference, cache=False)
+    (mean,), (stderr,) = rendering.relative_maps(np.array([525.0]), "direct")
+    truth = cell_average(rendering.grid, lambda x, y, z: direct_field(scene, x, y, z))
+    batches = len(rendering.response.tally)
+    assert chi_square_p(normal_scores(mean, truth, stderr, batches)) > 1e-3
+    assert mean[0, 2, ::4].sum() == pytest.approx(truth[0, 2, ::4].sum(), rel=0.01)
 
 
 @pytest.mark.slow
