@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -16,6 +17,8 @@ from lightfield.scene.spectral.peaks import Peak, way_written
 from lightfield.storage.tables import read_columns, readable
 
 Metres = Annotated[float, Field(strict=True)]
+#: Wavelengths of maps and images that are nearer to each other are one, nm.
+_SAME_NM = 1e-6
 PositiveMetres = Annotated[float, Field(strict=True, gt=0.0)]
 
 
@@ -158,6 +161,12 @@ class Detector(Part):
         for low, high in self.bands_nm:
             if high <= low:
                 raise RuleError(f"a band must rise, found [{low:g}, {high:g}]", "write [from, to]")
+        for one, other in pairwise(sorted(self.bands_nm, key=sum)):
+            if sum(other) - sum(one) < 2 * _SAME_NM:
+                raise RuleError(
+                    f"bands are told apart by their middles, found {list(one)} and {list(other)}",
+                    "move one of them a little, or write two scenes",
+                )
         self._sees_its_bands()
         return self
 
@@ -168,10 +177,12 @@ class Detector(Part):
             readable(read_columns, self.response_table, COLUMNS)
         if self.response is None:
             return
-        for low, high in self.bands_nm:
+        shift = self.wavelength_shift_nm
+        beside = f" that is read {shift:g} nm beside it" if shift else ""
+        for low, high in self.bands_read_nm:
             inside = [at for at in self.spectral_response.knots_nm.tolist() if low < at < high]
             if not self.spectral_response.at([low, 0.5 * (low + high), high, *inside]).max() > 0:
                 raise RuleError(
-                    f"the response sees nothing of the band [{low:g}, {high:g}]",
-                    "correct response or bands_nm",
+                    f"the response sees nothing of the band [{low - shift:g}, {high - shift:g}]{beside}",
+                    "correct response or bands_nm" + (", or wavelength_shift_nm" if shift else ""),
                 )
