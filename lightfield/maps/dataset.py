@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
+from pydantic import ValidationError
 
 from lightfield import __version__
 from lightfield.arrays import Array
@@ -19,7 +20,8 @@ from lightfield.errors import OutputError
 from lightfield.maps.colour import linear_rgb
 from lightfield.maps.exr import Attribute, SpectralImage, plane_names, write_spectral_exr
 from lightfield.render.response.grid import Grid
-from lightfield.scene import Scene
+from lightfield.scene import Detector, Scene, Tank
+from lightfield.scene.in_tank import plane_size_m
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 from lightfield.storage.inputs import MAPS, check_regular
 
@@ -273,7 +275,6 @@ def plane_image(dataset: xr.Dataset, plane: int, common_scale: float | None = No
     scene = json.loads(attrs["scene_json"])
     z = float(dataset.z_m[plane])
     wavelengths = dataset.wavelength_nm.values.astype(float)
-    bounds = dataset.get("wavelength_bounds_nm", np.empty((0, 2)))
     reached = attrs.get("reached_relative_error")
     details: dict[str, Attribute] = {
         "quantity": quantity,
@@ -297,13 +298,40 @@ def plane_image(dataset: xr.Dataset, plane: int, common_scale: float | None = No
         y_m=dataset.y_m.values.astype(float),
         z_m=z,
         units=".".join(_exr_unit(unit) for unit in QUANTITIES[quantity][0].split()),
-        response={
-            float(w): ([float(low), float(high)], [1.0, 1.0])
-            for w, (low, high) in zip(wavelengths, np.asarray(bounds), strict=False)
-        },
+        response=_responses(dataset, scene["detector"]),
         attributes=details,
         common_scale=common_scale,
+        plane_m=_plane_m(scene),
     )
+
+
+def _plane_m(scene: Mapping[str, Any]) -> tuple[float, float]:
+    """Width and height of the planes of a scene, m, given all that it dumps."""
+    detector, tank = _part_of(scene["detector"], "width_m", "height_m", "pixels"), scene.get("tank")
+    return plane_size_m(detector, None if tank is None else Tank.model_validate(tank))
+
+
+def _responses(
+    dataset: xr.Dataset, detector: Mapping[str, Any]
+) -> dict[float, tuple[list[float], list[float]]]:
+    """What weighs the wavelengths of every band as it is read, from 0 to 1; nothing where a table is gone."""
+    bounds = np.asarray(dataset.get("wavelength_bounds_nm", np.empty((0, 2))), float)
+    try:
+        seen = _part_of(detector, "response", "response_table", "bands_nm", "wavelength_shift_nm")
+    except ValidationError:
+        return {}
+    response, found = seen.spectral_response, {}
+    knots = response.knots_nm
+    for w, (low, high) in zip(dataset.wavelength_nm.values, bounds + seen.wavelength_shift_nm, strict=False):
+        at = np.unique([low, *knots[(knots > low) & (knots < high)], high])
+        weight = response.at(at)
+        found[float(w)] = (at.tolist(), (weight / weight.max()).tolist())
+    return found
+
+
+def _part_of(detector: Mapping[str, Any], *names: str) -> Detector:
+    """A detector of which some fields are stated, given all that one dumps."""
+    return Detector.model_validate({n: detector[n] for n in names if detector.get(n) is not None})
 
 
 def write_exr_planes(dataset: xr.Dataset, folder: str | os.PathLike[str]) -> list[Path]:

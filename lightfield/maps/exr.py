@@ -53,6 +53,7 @@ class SpectralImage:
     response : mapping of wavelength to (wavelengths nm, relative response) of its band
     attributes : our own attributes, name without prefix to text or number
     common_scale : float, optional: what 1 in the layer `common.` stands for, as `colour.linear_rgb` gives it
+    plane_m : pair of float, m: width and height of the plane, which a single column or row does not tell
     """
 
     wavelength_nm: NDArray[np.float64]
@@ -65,6 +66,7 @@ class SpectralImage:
     response: Mapping[float, tuple[Sequence[float], Sequence[float]]] = field(default_factory=dict)
     attributes: Mapping[str, Attribute] = field(default_factory=dict)
     common_scale: float | None = None
+    plane_m: tuple[float, float] = (1.0, 1.0)
 
 
 def plane_names(what: str, z_m: Sequence[float]) -> list[str]:
@@ -217,7 +219,9 @@ def _written(header: Mapping[str, object], channels: Mapping[str, NDArray[np.flo
 
 
 def _header(image: SpectralImage) -> dict[str, object]:
-    size = (_spacing(image.x_m), _spacing(image.y_m))
+    size = [
+        _spacing(centres, whole) for centres, whole in zip((image.x_m, image.y_m), image.plane_m, strict=True)
+    ]
     header: dict[str, object] = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
@@ -289,8 +293,8 @@ def _check(path: str | os.PathLike[str], image: SpectralImage) -> None:
         )
 
 
-def _spacing(centres: NDArray[np.float64]) -> float:
-    return float((centres[-1] - centres[0]) / (centres.size - 1)) if centres.size > 1 else 1.0
+def _spacing(centres: NDArray[np.float64], whole: float) -> float:
+    return float((centres[-1] - centres[0]) / (centres.size - 1)) if centres.size > 1 else whole
 
 
 def _to_file(rows_upwards: ArrayLike) -> NDArray[np.float32]:

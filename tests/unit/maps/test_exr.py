@@ -195,6 +195,39 @@ def test_previews_say_their_scale_and_planes_share_one(tmp_path, make):
     assert max(peaks) == pytest.approx(1) and min(peaks) < 0.9  # far planes are darker
 
 
+def header_of(file):
+    with OpenEXR.File(str(file), separate_channels=True) as opened:
+        return dict(opened.header())
+
+
+def test_a_single_pixel_is_as_large_as_its_plane(tmp_path, make):
+    """2 m wide and, in a tank of 1.2 m, 1.2 m high; it was said to be 1 m by 1 m."""
+    one = to_dataset(make(pixels=1, planes=(4.5,)))
+    (file,) = write_exr_planes(one, tmp_path / "one")
+    assert header_of(file)["lightfield.pixel_size_m"].tolist() == [2.0, 2.0]
+    scene = make(pixels=1).scene.model_dump(mode="json")
+    scene["detector"]["width_m"] = None
+    scene["tank"] = {"width_m": 3.0, "depth_m": 1.2, "lamp_depth_m": 0.6}
+    one.attrs["scene_json"] = json.dumps(scene)
+    (file,) = write_exr_planes(one, tmp_path / "tank")
+    assert header_of(file)["lightfield.pixel_size_m"].tolist() == [2.0, 1.2]
+
+
+def test_a_channel_states_the_response_that_weighed_its_band(tmp_path, make):
+    """A filter whose table falls from 1 at 510 to a half at 530 nm, read 5 nm above the stated band."""
+    table = tmp_path / "filter.csv"
+    table.write_text("wavelength_nm,response\n400,3\n510,3\n530,1.5\n600,1.5\n", encoding="utf-8")
+    values = {"detector__response_table": str(table), "detector__response": "table"}
+    seen = to_dataset(make(pixels=3, planes=(4.5,), detector__wavelength_shift_nm=5.0, **values))
+    (file,) = write_exr_planes(seen, tmp_path / "seen")
+    stated = "505nm:1;510nm:1;530nm:0.5;555nm:0.5;"
+    assert header_of(file)["S0.525,000000nm"] == stated
+    assert read_spectral_exr(file).response == {525.0: ([505.0, 510.0, 530.0, 555.0], [1.0, 1.0, 0.5, 0.5])}
+    table.unlink()
+    (file,) = write_exr_planes(seen, tmp_path / "gone")
+    assert "S0.525,000000nm" not in header_of(file)
+
+
 def test_layers_of_a_comparison_are_what_was_compared(tmp_path, make, light):
     comparison = compare(
         to_dataset(make(pixels=9, glow=0.03)), lambda scene, x, y, z, wavelength: light(scene, x, y, z)
