@@ -224,6 +224,15 @@ def against_scene(readings: Given, scene: Scene, problems: Problems | None = Non
             rule=f"at least {least:g}, twice -lamp.apparent_distance_m",
             remedy="write an apparent_distance_m nearer to 0",
         )
+    drift = scene.lamp.drift_per_hour
+    for k in np.flatnonzero(1.0 + drift * readings.time_s / 3600.0 <= 0.0).tolist():
+        noted.add(
+            "the lamp has no light left",
+            place=lines[k],
+            found=f"time_s = {readings.time_s[k]:g}",
+            rule=f"power is that of time 0 times 1 + t x lamp.drift_per_hour, here {drift:g}",
+            remedy="correct lamp.drift_per_hour, or the times",
+        )
     if problems is None:
         noted.raise_any("does not fit the scene")
     quantity = readings.quantity or quantity

@@ -18,7 +18,8 @@ TANK = Tank(width_m=3.66, depth_m=2.44, length_m=12.0, behind_lamp_m=0.5, lamp_d
 
 
 def scene(tank=TANK, bands=((500, 550),), quantity="irradiance"):
-    detector, lamp = SimpleNamespace(bands_nm=bands, quantity=quantity), SimpleNamespace(least_distance_m=0.0)
+    detector = SimpleNamespace(bands_nm=bands, quantity=quantity)
+    lamp = SimpleNamespace(least_distance_m=0.0, drift_per_hour=0.0)
     return SimpleNamespace(tank=tank, detector=detector, lamp=lamp)
 
 
@@ -49,6 +50,19 @@ def test_the_scenes_single_band_and_quantity_are_filled_in():
 def test_what_does_not_fit_names_the_reading(given, word):
     with pytest.raises(MeasurementError, match=f"reading 2: .*{word}"):
         readings(**given).check_against(scene())
+
+
+def test_a_lamp_that_fades_ends_at_nothing():
+    """A tenth less each hour: after ten hours it is dark, and would have less than no light."""
+    fading, hours = Scene.from_dict({"lamp": {"drift_per_hour": -0.1}}), 3600.0
+    readings(time_s=[0.0, 9.9 * hours]).check_against(fading)
+    for end in (10 * hours, 20 * hours):
+        with pytest.raises(MeasurementError, match="reading 2: the lamp has no light left"):
+            readings(time_s=[0.0, end]).check_against(fading)
+    with pytest.raises(MeasurementError, match="reading 1: the lamp has no light left"):
+        readings(time_s=[-11 * hours, np.nan]).check_against(
+            Scene.from_dict({"lamp": {"drift_per_hour": 0.1}})
+        )
 
 
 @pytest.mark.parametrize("time_s", [-3e9, 1.7e9, 1.7e12])
