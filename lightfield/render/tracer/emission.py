@@ -114,9 +114,14 @@ class Emission:
         return np.asarray(relative_intensity(self.lamp, theta * across, theta * up).max(axis=0))
 
     def intensity(self, theta_x: mi.Float, theta_y: mi.Float) -> mi.Float:
-        """Radiant intensity relative to the axis, at beam-frame angles in rad."""
+        """Radiant intensity relative to the axis, at beam-frame angles in rad; none behind the lamp."""
         if self.lamp.profile == "isotropic":
             return mi.Float(1)
+        ahead = theta_x * theta_x + theta_y * theta_y <= (0.5 * pi) ** 2
+        return dr.select(ahead, self._shape(theta_x, theta_y), 0)
+
+    def _shape(self, theta_x: mi.Float, theta_y: mi.Float) -> mi.Float:
+        """The same, as its formula or table goes on behind the lamp."""
         value = self.value
         away = dr.maximum(dr.sqrt(theta_x * theta_x + theta_y * theta_y), 1e-20)
         wider = 1 + (value["asymmetry_x"] * theta_x + value["asymmetry_y"] * theta_y) / away
@@ -167,9 +172,7 @@ class Emission:
 
     def towards(self, direction: mi.Vector3f) -> mi.Float:
         """Radiant intensity relative to the axis in a direction in the frame of the tank."""
-        ahead = dr.dot(direction, self._axis) > 0
-        light = self.intensity(*self.angles(direction))
-        return light if self.lamp.profile == "isotropic" else dr.select(ahead, light, 0)
+        return self.intensity(*self.angles(direction))
 
     def density_towards(self, direction: mi.Vector3f) -> mi.Float:
         """Part of the photons that is sent out per solid angle in a direction of the tank, 1/sr."""

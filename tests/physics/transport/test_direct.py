@@ -14,7 +14,7 @@ from beams import aside, ies
 from montecarlo import cell_average, chi_square_p, normal_scores
 
 from lightfield.formula.closed_form import direct_field
-from lightfield.render.direct import points_of_disc
+from lightfield.render.direct import direct_at, points_of_disc
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.scene import Scene
 
@@ -172,3 +172,13 @@ def test_points_on_the_window_lean_to_no_side() -> None:
     x, y = points_of_disc(0.02)
     assert abs(x.mean()) < 1e-9 and abs(y.mean()) < 1e-9 and abs((x * y).mean()) < 1e-12
     np.testing.assert_allclose([(x * x).mean(), (y * y).mean()], 0.02**2 / 4, rtol=1e-9)
+
+
+def test_a_tilted_beam_sends_nothing_behind_it() -> None:
+    """Turned by 60 degrees to +x: at x = -3, z = 1 m one is 131 degrees off its axis, at -0.5 m 87."""
+    lamp = {"hwhm_deg": 60.0, "tilt_x_deg": 60.0}
+    scene = Scene.from_dict({"lamp": lamp, "detector": {"quantity": "scalar_irradiance"}})
+    x, z = np.array([-3.0, -1.0, -0.5, 2.0]), np.ones(4)
+    degrees = np.degrees(np.arctan2(x, z)) - 60.0
+    expected = np.where(np.abs(degrees) < 90, 0.5 ** ((degrees / 60.0) ** 2), 0.0) / (x * x + 1.0)
+    np.testing.assert_allclose(direct_at(scene, x, 0 * x, z, 0.0), expected, rtol=1e-4)
