@@ -25,7 +25,7 @@ from lightfield.formula.readout import Taken, halves, immersed, plane_gain, read
 from lightfield.formula.scattered.quadrature import finest_rad
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
-from lightfield.scene.lamp.frame import beam_angles, through_window
+from lightfield.scene.lamp.frame import beam_angles, is_ahead, through_window
 from lightfield.scene.lamp.profile import LN2, effective_angles, relative_intensity
 from lightfield.scene.parameters import switched_off
 from lightfield.scene.receiver import response
@@ -152,7 +152,7 @@ def direct_field(
     Returns
     -------
     array, 1/m^2 (1/m^2/sr for radiance)
-        Zero at and behind the window plane.
+        Zero at and behind the window plane, and no farther than a source in front of it.
 
     Raises
     ------
@@ -224,9 +224,9 @@ def _point_source(
     in_air: Array | None,
     time_s: ArrayLike | None,
 ) -> Array:
-    ahead = z > 0.0
+    ahead = is_ahead(lamp, z)
     if not ahead.all():
-        z = np.where(ahead, z, 1.0)
+        z = np.where(ahead, z, 1.0 + abs(lamp.apparent_distance_m))
     ray = rays(lamp, x, y, z)
     low, high = scene.detector.bands_nm[0]
     tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high), time_s)

@@ -12,6 +12,7 @@ from lightfield.formula.closed_form import lamps_of_window, source
 from lightfield.formula.path import optical_depth, rays
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
+from lightfield.scene.lamp.frame import is_ahead
 
 #: Step of numerical derivatives, m: light changes over decimetres, so the relative error is about
 #: (step / length)^2 = 1e-6.
@@ -28,7 +29,7 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
     Parameters
     ----------
     place_m : array, shape (n, 3), m
-        In front of the window plane; behind it there is none.
+        In front of the window plane, and of a source before it; else there is none.
 
     Returns
     -------
@@ -36,8 +37,9 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
         A receiver of outward normal n reads max(-n . F, 0).
     """
     place = np.asarray(place_m, float)
-    ahead = place[:, 2] > 0
-    x, y, z = place[:, 0], place[:, 1], np.where(ahead, place[:, 2], 1.0)
+    ahead = is_ahead(scene.lamp, place[:, 2])
+    beyond = 1.0 + abs(scene.lamp.apparent_distance_m)
+    x, y, z = place[:, 0], place[:, 1], np.where(ahead, place[:, 2], beyond)
     scene, middle = own_formulas.lit(scene), float(middles_nm(scene)[0].mean())
     total = np.zeros_like(place)
     for lamp, share in lamps_of_window(scene.lamp, z):

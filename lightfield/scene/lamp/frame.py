@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
@@ -49,6 +50,11 @@ def is_mirrored(lamp: Lamp) -> tuple[bool, bool]:
     """Is the section of the beam the same at -x, and at -y?"""
     in_x, in_y = beam_table(str(lamp.intensity_table)).mirrored if lamp.profile == "table" else (True, True)
     return in_x and not lamp.asymmetry_x, in_y and not lamp.asymmetry_y
+
+
+def is_ahead(lamp: Lamp, z_m: Array) -> NDArray[np.bool_]:
+    """Does straight light get there: beyond the window, and beyond a source in front of it?"""
+    return np.asarray(z_m > max(-lamp.apparent_distance_m, 0.0))
 
 
 def beyond_window(length_m: Any, z_m: Any, apparent_distance_m: Any) -> Any:

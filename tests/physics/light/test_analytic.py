@@ -19,6 +19,7 @@ from scipy.stats import chi2
 
 from lightfield.errors import SceneError
 from lightfield.formula.closed_form import direct_field, paper_model, predict, readout, time_factor
+from lightfield.formula.vector import direct_flux
 from lightfield.scene import Detector, Lamp, Scene, Water
 
 LN2 = math.log(2)
@@ -315,3 +316,20 @@ def best_fit(
         return (value - predict(there, place, gain=math.exp(p[0]), full=1.0)) / stderr
 
     return float(2 * least_squares(residual, start).cost), len(start)
+
+
+@pytest.mark.parametrize("profile", ["gaussian", "isotropic"])
+@pytest.mark.parametrize("quantity", ["irradiance", "scalar_irradiance"])
+def test_there_is_no_light_nearer_than_a_source_in_front_of_the_window(profile: str, quantity: str) -> None:
+    """The way through water would be less than none: light grew to 13,000 per m^2, and was no number."""
+    lamp = {"profile": profile, "apparent_distance_m": -0.3}
+    given = Scene.from_dict(
+        {"lamp": lamp, "water": {"absorption_per_m": 1.0}, "detector": {"quantity": quantity}}
+    )
+    z = np.array([0.1, 0.29, 0.3, 0.7])
+    expected = [0.0, 0.0, 0.0, math.exp(-0.7) / 0.4**2]
+    np.testing.assert_allclose(direct_field(given, 0 * z, 0 * z, z), expected)
+    flux = direct_flux(given, np.stack([0 * z, 0 * z, z], axis=1))
+    np.testing.assert_allclose(flux, np.outer(expected, [0.0, 0.0, 1.0]))
+    aside = direct_field(given, np.full(4, 0.5), 0 * z, z)
+    assert (aside[:3] == 0).all() and np.isfinite(aside).all()
