@@ -22,6 +22,7 @@ from lightfield.experiments.measure import PHOTONS, Instrument, LightInDoubt, in
 from lightfield.fitting import effects
 from lightfield.readings import Readings, write_table
 from lightfield.scene import Scene
+from lightfield.scene.curve import sum_of
 from lightfield.storage.files import atomic_path
 
 #: A hidden effect is this many times its typical size, log-uniform.
@@ -194,7 +195,7 @@ def draw_effect(
     rng: np.random.Generator,
     strength: float | None = None,
 ) -> dict[str, Any]:
-    """Parameter values of a hidden effect, nodes of a curve.
+    """Parameter values of a hidden effect; nodes of a curve, together with what the scene states of it.
 
     Parameters
     ----------
@@ -222,7 +223,7 @@ def draw_effect(
     if field is not None and not [need for need in effect.needs if not setting.met(need)]:
         drawn = float(np.exp(rng.uniform(*np.log(STRENGTH)))) if strength is None else strength
         typical = effect.forms[0].amplitudes[0].typical
-        return {field: draw_curve(field, drawn * typical, readings, rng)}
+        return {field: sum_of(scene.get(field), draw_curve(field, drawn * typical, readings, rng))}
     if effect.name in untestable:
         raise UsageError(
             "this effect cannot act here",

@@ -31,7 +31,7 @@ from lightfield.fitting.smooth_functions import LARGEST, NODES, Basis, Family, b
 from lightfield.formula.path import rays
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-from lightfield.scene.curve import Nodes, integral_to, value_at
+from lightfield.scene.curve import Nodes, integral_to, sum_of, value_at
 from lightfield.scene.lamp.frame import beam_angles
 from lightfield.scene.lamp.profile import effective_angles
 from lightfield.scene.parameters import Parameter
@@ -136,11 +136,7 @@ class Curves:
 
     def _added(self, field: str, place: Array, curve: Array) -> Nodes:
         """Nodes of a curve together with what the scene has already."""
-        own: Nodes = self.scene.get(field)
-        if own:
-            every = np.union1d(place, [at for at, _ in own])
-            place, curve = every, np.interp(every, place, curve) + value_at(own, every)
-        return tuple(zip(place.tolist(), curve.tolist(), strict=True))
+        return sum_of(self.scene.get(field), tuple(zip(place.tolist(), curve.tolist(), strict=True)))
 
     @cached_property
     def _top(self) -> float:

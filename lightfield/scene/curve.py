@@ -46,6 +46,15 @@ def value_at(nodes: Nodes, at: Array) -> Array:
     return np.asarray(np.interp(at, place, value))
 
 
+def sum_of(one: Nodes, other: Nodes) -> Nodes:
+    """Nodes of the sum of two curves, either of which may have none."""
+    if not one or not other:
+        return one or other
+    every = np.union1d([at for at, _ in one], [at for at, _ in other])
+    together = value_at(one, every) + value_at(other, every)
+    return tuple(zip(every.tolist(), together.tolist(), strict=True))
+
+
 def integral_to(nodes: Nodes, at: Array) -> Array:
     """Integral of the curve from 0 to some coordinates; arguments as for `value_at`."""
     place, value = _columns(nodes)

@@ -335,3 +335,11 @@ def test_a_curve_is_hidden_by_its_name(name: str, field: str, tmp_path: Path) ->
     unit = 0.1 if name == "background_spectrum" else 0.2 if path.startswith("water") else 1.0
     assert path == field and size == pytest.approx(0.06 * unit)
     assert scene.with_values(values).digest() != scene.digest()
+    # A slope that the scene states stays, with the same curve on it.
+    stating = scene.with_values({field: ((0.0, 0.1), (1000.0, 0.3))})
+    (drawn,), (both,) = (
+        draw_effect(one, table, name, np.random.default_rng(5), 3.0).values() for one in (scene, stating)
+    )
+    at = np.array([place for place, _ in drawn])
+    alone, summed = (np.interp(at, *zip(*its, strict=True)) for its in (drawn, both))
+    np.testing.assert_allclose(summed, alone + np.interp(at, [0.0, 1000.0], [0.1, 0.3]))

@@ -9,7 +9,7 @@ from lightfield.errors import SceneError
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.grid import angle_nodes
 from lightfield.scene import Lamp, Scene
-from lightfield.scene.curve import integral_to, value_at
+from lightfield.scene.curve import integral_to, sum_of, value_at
 from lightfield.scene.lamp.profile import relative_intensity, solid_angle_sr
 from lightfield.scene.lamp.tabulated import intensity_rows
 
@@ -20,6 +20,13 @@ def test_linear_between_nodes_and_constant_beyond() -> None:
     at = np.array([0.0, 1.0, 1.5, 2.0, 3.0, 9.0])
     np.testing.assert_allclose(value_at(NODES, at), [0.5, 0.5, -0.25, -1.0, -0.375, 0.25])
     assert value_at(((3.0, 0.7),), at).tolist() == [0.7] * 6
+
+
+def test_the_sum_of_two_curves_is_that_of_their_values() -> None:
+    other, at = ((-1.0, 0.2), (3.0, 0.6)), np.linspace(-3.0, 6.0, 91)
+    both = np.interp(at, [1, 2, 4], [0.5, -1, 0.25]) + np.interp(at, [-1, 3], [0.2, 0.6])
+    np.testing.assert_allclose(value_at(sum_of(NODES, other), at), both, atol=1e-12)
+    assert sum_of((), NODES) == NODES == sum_of(NODES, ())
 
 
 @pytest.mark.parametrize("nodes", [NODES, ((3.0, 0.7),), ((-2.0, 1.0), (0.5, 0.0))])
