@@ -89,8 +89,21 @@ class Shift:
     shares: sparse.csr_array
 
     @classmethod
-    def on(cls, grid: Grid, x_m: np.ndarray, y_m: np.ndarray, z_m: np.ndarray) -> Shift:
-        """From the cells of a grid, `surrounded` by those that tell how the light bends, to readings."""
+    def on(
+        cls,
+        grid: Grid,
+        x_m: np.ndarray,
+        y_m: np.ndarray,
+        z_m: np.ndarray,
+        lamp_m: tuple[float, float] = (0.0, 0.0),
+    ) -> Shift:
+        """From the cells of a grid, `surrounded` by those that tell how the light bends, to readings.
+
+        Parameters
+        ----------
+        lamp_m : pair of float, m
+            x and y of the lamp that lit the cells.
+        """
         cells = TalliedCells(grid)
         number = np.full(grid.shape, -1)
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
@@ -107,7 +120,7 @@ class Shift:
         shape = len(quadratics), cells.size
         terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in weights], format="csr")
         parts = ShiftParts(
-            at, x_m[one_each] - cells.x[at], y_m[one_each] - cells.y[at],
+            at, x_m[one_each] - cells.x[at] + lamp_m[0], y_m[one_each] - cells.y[at] + lamp_m[1],
             grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12, terms, which.ravel(),
         )  # fmt: skip
         return cls(cell, cells.y, cells.z, len(cell), parts, parts.shares(0.0, 0.0))

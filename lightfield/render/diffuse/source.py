@@ -43,6 +43,9 @@ SENT_PER_M = 0.16
 #: widens what is seen of a beam (to 1.4 of its width at b = 0.2 per m, 1.8 at 1.1). Sent at 0.5 to 0.9 of a
 #: beam's own width the light of that beam is known best; at 1.3 its variance is twice that, at 2 three times.
 SENT_WIDTH = 0.55
+#: Steps in which the lamp of a trace is moved, in half widths of the beam on the nearest plane: from there
+#: light is followed to the lamp of a fit by its slope and bending (moved by 2.7, it was twice what it is).
+OFFSET_STEP, WIDEST_DEG = 0.35, 60.0
 PHOTONS = 2_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
 #: that was reflected under a water surface: most that was not scattered is known without a trace. Of the
@@ -78,7 +81,8 @@ def response_for(
     Parameters
     ----------
     scene : Scene
-        Tank, detector, phase function, apparent source; the beam's width only decides where photons are sent.
+        Tank, detector, phase function, apparent source; the beam's width and place only decide where photons
+        are sent, and from where.
     x_m, y_m, z_m : arrays, shape (n,), m
     photons : int
         Per inner node of g in clear water.
@@ -132,20 +136,22 @@ def response_for(
         trace = DirectedTrace(of, grid, reference, shapes, tuple(classes), sent_to, seed)
         return _light(trace, keeper, walls, ratios)
 
-    traced = _traced_scene(scene, width, open_top)
+    lamp_m = _lamp_m(scene, places[2], width)
+    traced = _traced_scene(scene, width, open_top, lamp_m)
     own_top, under_surface = one(traced, nodes, needed, round(sent)), None
     if scene.tank is not None and not open_top:
         # Light that was only scattered is the same under either top.
-        few, surface = round(UNDER_SURFACE * sent), _traced_scene(scene, width, True)
+        few, surface = round(UNDER_SURFACE * sent), _traced_scene(scene, width, True, lamp_m)
         under_surface = one(surface, nodes, needed[1:], few)
     water = TracedWater(own_top, under_surface)
-    return DiffuseResponse(Shift.on(grid, *places), straight_path(traced, grid), walls, water, reflected)
+    shift = Shift.on(grid, *places, lamp_m)
+    return DiffuseResponse(shift, straight_path(traced, grid), walls, water, reflected)
 
 
 def cells_for(scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> int:
     """How many cells a trace for places of a measurement keeps in memory; see `response_for`."""
     width = sent_width_deg(scene.lamp.hwhm_deg)
-    traced = _traced_scene(scene, width, False)
+    traced = _traced_scene(scene, width, False, _lamp_m(scene, np.asarray(z_m, float), width))
     return len(mirror_images(traced, _grid_for(scene, (x_m, y_m, z_m), width)).kept)
 
 
@@ -197,9 +203,19 @@ def sent_width_deg(hwhm_deg: float) -> float:
     return float(4.0 * 1.5 ** np.round(np.log(SENT_WIDTH * hwhm_deg / 4.0) / np.log(1.5)))
 
 
-def _traced_scene(scene: Scene, width_deg: float, surface: bool) -> Scene:
+def _lamp_m(scene: Scene, z_m: Array, width_deg: float) -> tuple[float, float]:
+    """Where the lamp of a trace stands, x and y, m: in whole steps, which traces share, towards the scene's
+    and no nearer to a wall."""
+    step = OFFSET_STEP * float(z_m.min()) * np.tan(np.radians(min(width_deg / SENT_WIDTH, WIDEST_DEG)))
+    lamp = scene.lamp
+    return float(step * np.trunc(lamp.offset_x_m / step)), float(step * np.trunc(lamp.offset_y_m / step))
+
+
+def _traced_scene(
+    scene: Scene, width_deg: float, surface: bool, lamp_m: tuple[float, float] = (0.0, 0.0)
+) -> Scene:
     """The scene with everything neutral that is reweighed afterwards."""
-    lamp = type(scene.lamp)(hwhm_deg=width_deg)
+    lamp = type(scene.lamp)(hwhm_deg=width_deg, offset_x_m=lamp_m[0], offset_y_m=lamp_m[1])
     values: dict[str, Any] = {}
     if scene.tank:
         values |= {"tank.surface_reflectance": float(surface)}

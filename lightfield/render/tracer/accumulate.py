@@ -196,8 +196,7 @@ def trace_by_direction(
         Part of the photons sent out per solid angle at each ring.
     """
     free_memory()
-    receiver = scene.detector
-    symmetric = receiver.tilt_x_deg == 0
+    mirrored = symmetric(scene)[0]
     setup = assembled(scene, grid, reference, nodes=beam_nodes.nodes, images=images, wide_share=0.15)
     channels, path_nodes, emission_nodes = setup.histories.shape
     histories = np.repeat(setup.histories.channels, path_nodes, axis=0)
@@ -215,7 +214,7 @@ def trace_by_direction(
             replace(setup, histories=setup.histories.of_channels(*group)),
             photons // DIRECTION_BATCHES,
             seed * 1009 + batch,
-            mirror_x=symmetric,
+            mirror_x=mirrored,
             direct=False,  # a fit knows it in closed form
         )
         part = done / (len(groups) * DIRECTION_BATCHES)
@@ -238,7 +237,7 @@ def trace_by_direction(
     stderr = np.std(parts, axis=0, ddof=1) / np.sqrt(DIRECTION_BATCHES)
     relative = shared_errors(mean, stderr)
     excess = np.tile(setup.histories.excess_m, channels)
-    total /= np.float32(DIRECTION_BATCHES * counted(photons // DIRECTION_BATCHES, symmetric))
+    total /= np.float32(DIRECTION_BATCHES * counted(photons // DIRECTION_BATCHES, mirrored))
     rings = beam_nodes.nodes.scale_rad * np.sinh(np.arange(beam_nodes.nodes.n_theta) * beam_nodes.nodes.step)
     density = np.interp(rings, setup.emission.theta_rad, setup.emission.density)
     return total.transpose(1, 0, 2), rows, relative, histories, excess, density
