@@ -45,7 +45,7 @@ SENT_PER_M = 0.16
 SENT_WIDTH = 0.55
 #: Steps in which the lamp of a trace is moved, in half widths of the beam on the nearest plane: from there
 #: light is followed to the lamp of a fit by its slope and bending (moved by 2.7, it was twice what it is).
-OFFSET_STEP, WIDEST_DEG = 0.35, 60.0
+OFFSET_STEP, WIDEST_DEG, LEAST_STEP_M = 0.35, 60.0, 0.01
 PHOTONS = 2_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
 #: that was reflected under a water surface: most that was not scattered is known without a trace. Of the
@@ -206,7 +206,8 @@ def sent_width_deg(hwhm_deg: float) -> float:
 def _lamp_m(scene: Scene, z_m: Array, width_deg: float) -> tuple[float, float]:
     """Where the lamp of a trace stands, x and y, m: in whole steps, which traces share, towards the scene's
     and no nearer to a wall."""
-    step = OFFSET_STEP * float(z_m.min()) * np.tan(np.radians(min(width_deg / SENT_WIDTH, WIDEST_DEG)))
+    spot = float(z_m.min()) * np.tan(np.radians(min(width_deg / SENT_WIDTH, WIDEST_DEG)))
+    step = max(OFFSET_STEP * spot, LEAST_STEP_M)
     lamp = scene.lamp
     return float(step * np.trunc(lamp.offset_x_m / step)), float(step * np.trunc(lamp.offset_y_m / step))
 

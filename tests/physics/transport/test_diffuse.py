@@ -130,21 +130,6 @@ def test_other_beams_waters_and_walls(response: DiffuseResponse, name: str) -> N
     assert right_p(response, SCENE.with_values(CASES[name])) > 0.001
 
 
-def test_light_of_a_lamp_that_stands_aside() -> None:
-    """By 2.7 half widths of its beam on the nearest plane: followed from the middle it was doubled."""
-    places = np.array([(x, 0.0, z) for z in (1.5, 3.5) for x in (-0.6, -0.2, 0.2, 0.6)])
-    aside = {"lamp.hwhm_deg": 4.0, "lamp.offset_x_m": 0.28, "detector.positions_m": places.tolist()}
-    scene = OPEN_WATER.with_values(aside)
-    response = response_for(scene, *places.T, photons=1_000_000, keeper=AFRESH)
-    modes, smooth = response.errors(scene, [None], np.zeros(len(places), int))
-    rendering = render_positions(scene, rel_error=1e-3, max_photons=1e6, seed=3, cache=False)
-    (mean,), (stderr,) = rendering.relative(np.array([525.0]), "diffuse")
-    noise = np.linalg.norm(modes, axis=1), DIRECTION_BATCHES - 1
-    difference = response.light(scene, [None])[0] - mean
-    assert least_p(difference, noise, (stderr, BATCHES - 1), (smooth, np.inf)) > 0.001
-    assert mean.argmax() == 2 and noise[0][2] < 0.02 * mean[2]
-
-
 def test_a_surface_that_the_scene_does_not_state_mirrors_light_of_every_phase_function() -> None:
     """Near it, as a trace of the scene that states it does; of the usual phase function alone what it mirrors
     was 15 % wrong at g = 0.8."""
