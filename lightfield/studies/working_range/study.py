@@ -277,10 +277,19 @@ def _measured(readings: Readings | None, scene: Scene, reference_m: float) -> xr
     for k, at in enumerate(z):
         mine = on_axis & np.isclose(r.z_m, at, atol=1e-4)
         value[k] = r.value[mine].mean()
-        error[k] = np.sqrt((np.nan_to_num(r.stderr[mine]) ** 2).sum()) / mine.sum() / value[k]
+        error[k] = np.sqrt((r.stderr[mine] ** 2).sum()) / mine.sum()
         half[k] = _half_radius_read(r, scene, at)
     first = int(np.argmax(near))
-    stderr = value / value[first] * np.where(near, 0.0, np.hypot(error, error[first]))
+    if not value[first] > 0:
+        raise MeasurementError(
+            "no light to compare with", where=readings.source or None,
+            found=f"{value[first]:g} in the mean on the lamp's axis at the reference, {reference_m:g} m",
+            rule="a reading there is positive",
+            remedy="take off the dark, or let the scene's first plane be a distance with light",
+        )  # fmt: skip
+    # Of a ratio whose upper part may be nothing, or less by its noise; unknown where a reading states none.
+    own, of_reference = error / value[first], value / value[first] ** 2 * error[first]
+    stderr = np.where(near, 0.0, np.hypot(own, of_reference))
     columns = {"value": value / value[first], "stderr": stderr, "half_radius_m": half}
     return xr.Dataset({name: ("z_m", v) for name, v in columns.items()}, coords={"z_m": z})
 
@@ -301,7 +310,7 @@ def _half_radius_read(r: Readings, scene: Scene, z_m: float) -> float:
     """Radius of half intensity by a line through ln(value) over radius squared; NaN from one radius."""
     mine = np.isclose(r.z_m, z_m, atol=1e-4) & (r.value > 0)
     rho2 = _from_axis_m(r, scene)[mine] ** 2
-    if not np.ptp(rho2) > 0:
+    if len(rho2) < 2 or not np.ptp(rho2) > 0:
         return float("nan")
     slope = -np.polyfit(rho2, np.log(r.value[mine]), 1)[0]
     return float(np.sqrt(np.log(2) / slope)) if slope > 0 else float("nan")
