@@ -12,11 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, fitted_at
+from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
 
-#: A range is drawn out by so many times its width, and what leaves it by less of chi-square than a gap that
-#: parts two sets, in units of the noise, did not ask for it. Chosen.
+#: A range is drawn out by so many times its width; and a set without an effect that gains less of chi-square
+#: by it than a gap that parts two sets, in units of the noise, did not ask for it. Chosen.
 _FARTHER, _ASKED = 10.0, 6.0
 
 
@@ -51,21 +53,25 @@ def needless_beyond(pool: Pool, best: Node, gap: float) -> dict[str, tuple[str, 
         return {}
     wide = tuple(_drawn_out(c, ends) for c in best.explanation)
     fit = pool.problem.fit(wide, pool.ground.test.whiten, [best.fit.u])
-    if (best.fit.chi2 - fit.chi2) / pool.ground.phi < _ASKED:
-        return {}
     spare = max(int(pool.problem.keep.sum()) - len(fit.u), 1)
     phi = max(pool.ground.phi, fit.chi2 / spare)
     beyond = tuple(c.name for c in wide if any(p.path in ends for p in c.amplitudes))
-    at = dict(zip(fit.paths, fit.u, strict=True))
     out: dict[str, tuple[str, ...]] = {}
-    for candidate in wide:
-        rest = tuple(c for c in wide if c is not candidate)
-        paths = [p.path for p in pool.problem.model(rest).parameters]
-        without = pool.problem.fit(rest, pool.ground.test.whiten, [np.array([at[path] for path in paths])])
-        cost = (without.chi2 - fit.chi2) / phi - pool.ground.price(candidate)
-        if cost <= gap and candidate.name not in beyond:
+    for own, candidate in zip(best.explanation, wide, strict=True):
+        if candidate.name in beyond:
+            continue
+        without = _chi2_without(pool, wide, candidate, fit)
+        cost = (without - fit.chi2) / phi - pool.ground.price(candidate)
+        if cost <= gap and _chi2_without(pool, best.explanation, own, best.fit) - without >= _ASKED * phi:
             out[candidate.name] = beyond
     return out
+
+
+def _chi2_without(pool: Pool, explanation: Explanation, candidate: Candidate, fit: Fit) -> float:
+    """Of a set of effects fitted without one of them, from where it lies with it."""
+    rest, at = tuple(c for c in explanation if c is not candidate), dict(zip(fit.paths, fit.u, strict=True))
+    start = np.array([at[p.path] for p in pool.problem.model(rest).parameters])
+    return pool.problem.fit(rest, pool.ground.test.whiten, [start]).chi2
 
 
 def _drawn_out(candidate: Candidate, ends: set[str]) -> Candidate:
