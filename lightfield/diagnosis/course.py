@@ -25,6 +25,7 @@ from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, refutation
 from lightfield.diagnosis.verdict.best_set import unnamed
+from lightfield.diagnosis.verdict.best_set.held_by_ranges import without_held_ranges
 from lightfield.diagnosis.verdict.best_set.scattered_too import (
     WithScattering,
     in_light_of_photons,
@@ -315,7 +316,7 @@ def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:
     # What the answer rests on is said and drawn in its own light.
     known = replace(known, problem=replace(known.problem, forward=known.prepared.problem.forward))
     prepared, finding = calibration.on_absolute_scale(
-        known.prepared, known.problem, with_truncation(known.finding)
+        known.prepared, known.problem, without_held_ranges(with_truncation(known.finding))
     )
     finding = refutation.pruned(prepared, finding)
     trust = trust_of(prepared, finding, np.asarray(inquiry.readings.saturated, bool), known.rng)

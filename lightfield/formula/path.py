@@ -14,7 +14,7 @@ from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.water.ageing import ages, growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.hardening import hardening_depth
-from lightfield.scene.water.layers import is_layered, layers_depth
+from lightfield.scene.water.layers import is_layered, layers_absorption_per_m, layers_depth, slab_m
 
 if TYPE_CHECKING:
     from lightfield.scene import Lamp, Water
@@ -124,3 +124,29 @@ def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, defa
 def _colours(wavelengths_nm: bytes) -> tuple[Array, NDArray[np.intp]]:
     """The different wavelengths, and which of them each one is: the same for every scene of a fit."""
     return np.unique(np.frombuffer(wavelengths_nm), return_inverse=True)
+
+
+def least_attenuation_per_m(
+    water: Water, wavelength_nm: ArrayLike, y_m: ArrayLike, z_m: ArrayLike, time_s: ArrayLike = ()
+) -> float:
+    """Least attenuation that straight rays meet on their way to some places, 1/m; below zero water amplifies.
+
+    Parameters
+    ----------
+    water : Water
+        Medium.
+    wavelength_nm : array, nm
+        Those that are read.
+    y_m, z_m : array, m
+        Places; the rays begin at the origin.
+    time_s : array, s
+        When it is read; NaN and none mean time 0.
+    """
+    z, far = np.asarray(z_m, float), float(np.max(z_m, initial=0.0))
+    bends = (*slab_m(water), *(at for at, _ in water.absorption_departure))
+    # What is added is straight between these, and a slab only adds.
+    along = layers_absorption_per_m(water, np.array([0.0, *(at for at in bends if 0 < at < far), far]))
+    there = layers_absorption_per_m(water, z) + water.height_gradient_per_m2 * np.asarray(y_m)
+    least = float(np.min(attenuation_per_m(water, wavelength_nm)))
+    grown = float(np.min(growth_per_m(water, time_s), initial=0.0)) if ages(water) else 0.0
+    return least + grown + float(np.min(there, initial=float(along.min())))

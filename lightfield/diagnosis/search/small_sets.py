@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest, Score
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -153,7 +154,9 @@ class UnderOwnErrors(Protocol):
 def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
     """Bayesian information criterion with a known variance scale (Schwarz 1978,
     doi:10.1214/aos/1176344136); ranks, never decides."""
-    return fit.chi2 / phi + np.log(n) * sum(len(c.parameters) for c in explanation)
+    return (fit.chi2 + cost_of_amplifying(fit)) / phi + np.log(n) * sum(
+        len(c.parameters) for c in explanation
+    )
 
 
 def _key(explanation: Explanation) -> frozenset[tuple[str, str]]:

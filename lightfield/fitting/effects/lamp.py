@@ -61,8 +61,8 @@ EFFECTS = (
             Form(
                 "tilt",
                 (
-                    Free("lamp.tilt_x_deg", -6.0, 6.0, 0.2, needs=("vary_x",)),
-                    Free("lamp.tilt_y_deg", -6.0, 6.0, 0.2, needs=("vary_y",)),
+                    Free("lamp.tilt_x_deg", -10.0, 10.0, 0.2, needs=("vary_x",)),
+                    Free("lamp.tilt_y_deg", -10.0, 10.0, 0.2, needs=("vary_y",)),
                 ),
             ),
         ),

@@ -109,7 +109,7 @@ EFFECTS = (
         "water_drift",
         "time",
         # Tanks change by 1 to 5 % of c per hour, and by a quarter after the water was stirred.
-        (Form("linear", (Free("water.drift_per_m_per_hour", -0.3, 0.3, 0.01, per="attenuation"),)),),
+        (Form("linear", (Free("water.drift_per_m_per_hour", -0.5, 0.5, 0.01, per="attenuation"),)),),
         "The water clears, or becomes turbid, while the scan runs (fine particles, bubbles, growth).",
         "A change in time that grows with the distance; the same factor at each distance. Of planes read one "
         "after the other it is a curved decay, as of a gradient; at one distance it is a drift of the lamp.",

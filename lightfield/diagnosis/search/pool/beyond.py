@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.problem import Explanation
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, fitted_at
-from lightfield.fitting.least_squares import Fit
+from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.parameter import FitParameter
 
 #: A range is drawn out by so many times its width; and a set without an effect that gains less of chi-square
@@ -22,15 +22,25 @@ from lightfield.fitting.parameter import FitParameter
 _FARTHER, _ASKED = 10.0, 6.0
 
 
-def _at_an_end(node: Node) -> set[str]:
+def at_ends(explanation: Explanation, fit: Fit) -> set[str]:
     """Amplitudes, by path, that lie at an end of what is plausible; one that is off lies at none."""
-    at = fitted_at(node)
+    at = dict(zip(fit.paths, fit.u, strict=True))
+    bounded = {path for path, is_there in zip(fit.paths, fit.at_bound(), strict=True) if is_there}
     return {
         p.path
-        for c in node.explanation
+        for c in explanation
         for p, off in zip(c.amplitudes, c.neutral, strict=True)
-        if p.path in node.bounded and at[p.path] != off
+        if p.path in bounded and at[p.path] != off
     }
+
+
+def without_ends(
+    problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten
+) -> tuple[Explanation, Fit]:
+    """The set with wider ranges of what lies at an end, and its fit, from where it lies within them."""
+    ends = at_ends(explanation, fit)
+    wide = tuple(_drawn_out(c, ends) for c in explanation)
+    return wide, problem.fit(wide, whiten, [fit.u])
 
 
 def needless_beyond(pool: Pool, best: Node, gap: float) -> dict[str, tuple[str, ...]]:
@@ -48,11 +58,10 @@ def needless_beyond(pool: Pool, best: Node, gap: float) -> dict[str, tuple[str, 
     dict
         By the names of effects: which others would have to leave their ranges.
     """
-    ends = _at_an_end(best)
+    ends = at_ends(best.explanation, best.fit)
     if not ends or not pool.affordable(best.explanation):
         return {}
-    wide = tuple(_drawn_out(c, ends) for c in best.explanation)
-    fit = pool.problem.fit(wide, pool.ground.test.whiten, [best.fit.u])
+    wide, fit = without_ends(pool.problem, best.explanation, best.fit, pool.ground.test.whiten)
     spare = max(int(pool.problem.keep.sum()) - len(fit.u), 1)
     phi = max(pool.ground.phi, fit.chi2 / spare)
     beyond = tuple(c.name for c in wide if any(p.path in ends for p in c.amplitudes))

@@ -127,11 +127,11 @@ class Weighing:
         return self._cost(node) - self._cost(self.best)
 
     def _cost(self, node: Node) -> float:
-        return node.fit.chi2 / self.phi + sum(self.pool.ground.price(c) for c in node.explanation)
+        return node.chi2 / self.phi + sum(self.pool.ground.price(c) for c in node.explanation)
 
     def above_unpriced(self, node: Node) -> float:
         """The same with every parameter at one: parsimony does not count."""
-        return (node.fit.chi2 - self.best.fit.chi2) / self.phi + node.parameters - self.best.parameters
+        return (node.chi2 - self.best.chi2) / self.phi + node.parameters - self.best.parameters
 
     def with_one_more(self, nodes: Iterable[Node]) -> list[Node]:
         """Those of some sets that have at most one effect more than the best."""

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, AdequacyTest, Score
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
@@ -99,6 +100,11 @@ class Node:
         """Paths of what lies at an end of its range."""
         return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
 
+    @cached_property
+    def chi2(self) -> float:
+        """Of the fit, and what it would cost that its water must not amplify."""
+        return self.fit.chi2 + cost_of_amplifying(self.fit)
+
     @property
     def parameters(self) -> int:
         """Number of parameters of the effects."""
@@ -170,7 +176,7 @@ class Pool:
 
     def cost(self, node: Node) -> float:
         """Chi-square in units of the noise, plus the price of every effect."""
-        return node.fit.chi2 / self.ground.phi + sum(self.ground.price(c) for c in node.explanation)
+        return node.chi2 / self.ground.phi + sum(self.ground.price(c) for c in node.explanation)
 
     def best(self, allowed: Allowed | None = None) -> Node:
         """The set of least cost, of allowed effects."""

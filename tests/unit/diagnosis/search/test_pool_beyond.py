@@ -77,3 +77,8 @@ def test_what_makes_up_for_an_effect_at_its_end_is_not_certain(
     made_up = [one for one in verdict.found if one.beyond]
     assert made_up and verdict.verdict == "ambiguous"
     assert all(one.beyond == ["water_drift"] and one.level == "one of" for one in made_up)
+    # Nothing of these is there: their errors know that the water is held back.
+    sizes = [size for one in made_up for size in one.parameters.values()]
+    assert all(abs(size.value) < 3 * size.stderr for size in sizes if size.stderr is not None)
+    absorption = verdict.ladder[-1].parameters["water.absorption_per_m"]
+    assert abs(absorption.value - PER_M) < 3 * absorption.stderr

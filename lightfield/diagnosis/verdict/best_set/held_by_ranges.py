@@ -1,0 +1,30 @@
+"""Standard errors beside an effect at the end of its range: they reach what the others are without that end.
+
+A range is chosen, and what it forbids one effect the sizes of the others take up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.pool.beyond import at_ends, without_ends
+from lightfield.diagnosis.search.small_sets import Tried
+
+
+def without_held_ranges(finding: Finding) -> Finding:
+    """The finding whose best set has errors that know of it."""
+    if finding.accepted:
+        return replace(finding, accepted=[_reaching(finding.accepted[0]), *finding.accepted[1:]])
+    if finding.beyond_two and finding.tried:
+        return replace(finding, tried=[_reaching(finding.tried[0]), *finding.tried[1:]])
+    return finding
+
+
+def _reaching(tried: Tried) -> Tried:
+    ends = at_ends(tried.explanation, tried.fit)
+    if tried.test is None or not ends:
+        return tried
+    _, free = without_ends(tried.test.problem, tried.explanation, tried.fit, tried.test.whiten)
+    others = {path: value for path, value in free.values.items() if path not in ends}
+    return tried.reaching(others, free.stderr(tried.adequacy.phi if tried.adequacy else 1.0))

@@ -1,0 +1,104 @@
+"""Water of a fit that would have to amplify costs what the readings lose with water that does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import least_squares
+from lightfield.fitting.parameter import FitParameter, Model
+from lightfield.formula.path import least_attenuation_per_m
+from lightfield.readings import Readings
+from lightfield.scene import Scene, Water
+
+PLANES = np.geomspace(1.0, 9.0, 30)
+CENTRE_M = 3.25
+SCENE = Scene.from_dict({"lamp": {"hwhm_deg": 5.0}, "water": {"absorption_per_m": 0.11}})
+
+
+def axis_readings(value: np.ndarray, sigma: np.ndarray) -> Readings:
+    zero = np.zeros(len(PLANES))
+    return Readings.from_arrays(
+        x_m=zero, y_m=zero, z_m=PLANES, value=value, stderr=sigma, time_s=30 * np.arange(30)
+    )
+
+
+@pytest.mark.parametrize("gradient", [-0.03, -0.022])
+def test_cost_is_that_of_a_fit_with_water_that_attenuates_everywhere(gradient: float) -> None:
+    """Of the logarithm of the axial decay, which is linear in all three numbers: of those sets of them that
+    leave no attenuation at the far end the best is nearest, and amplifies nowhere."""
+    rng = np.random.default_rng(2)
+    sigma = 0.004
+    depth = 0.1 * PLANES + gradient * (PLANES / 2 - CENTRE_M) * PLANES
+    log = -depth + sigma * rng.standard_normal(30)
+    matrix = np.stack([np.ones(30), -PLANES, -(PLANES / 2 - CENTRE_M) * PLANES], axis=1)
+
+    def missed(columns: np.ndarray) -> float:
+        rest = log - columns @ np.linalg.lstsq(columns, log, rcond=None)[0]
+        return float(np.sum((rest / sigma) ** 2))
+
+    at_far_end = np.stack([matrix[:, 0], matrix[:, 2] - (9.0 - CENTRE_M) * matrix[:, 1]], axis=1)
+    exact = missed(at_far_end) - missed(matrix)
+    value = np.exp(log) / PLANES**2
+    model = Model(
+        SceneForward(SCENE, axis_readings(value, sigma * value)),
+        (
+            FitParameter("gain", -8.0, 8.0, 0.0, 1e-4, coordinate="log"),
+            FitParameter("water.absorption_per_m", 0.0, 3.0, 0.1, 1e-4),
+            FitParameter("water.gradient_per_m2", -0.1, 0.1, 0.0, 1e-4),
+        ),
+    )
+    fit = least_squares(model, value, lambda r: (r.T / (sigma * value)).T, model.start, np.ones(30))
+    assert exact > 20
+    assert cost_of_amplifying(fit) == pytest.approx(exact, rel=0.1)
+
+
+def test_water_that_attenuates_costs_nothing() -> None:
+    value = np.exp(-0.1 * PLANES) / PLANES**2
+    model = Model(
+        SceneForward(SCENE, axis_readings(value, 0.01 * value)),
+        (FitParameter("water.gradient_per_m2", -0.1, 0.1, 0.001, 1e-4),),
+    )
+    fit = least_squares(
+        model, value, lambda r: (r.T / (0.01 * value)).T, model.start, np.ones(30), max_steps=0
+    )
+    assert cost_of_amplifying(fit) == 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "least"),
+    [
+        ({"gradient_per_m2": 0.02}, 0.1 + 0.02 * (0.0 - 3.25)),
+        ({"gradient_per_m2": -0.02}, 0.1 - 0.02 * (8.0 - 3.25)),
+        ({"layer_absorption_per_m": 0.5, "layer_centre_m": 4.0}, 0.1),
+        ({"absorption_departure": ((2.0, 0.0), (5.0, -0.04), (8.0, 0.1))}, 0.06),
+        ({"height_gradient_per_m2": 0.05}, 0.1 - 0.05 * 0.8),
+        ({"drift_per_m_per_hour": -0.03}, 0.1 - 0.03 * 2),
+        ({"settling_per_m": 0.3, "settling_time_s": 60.0}, 0.1),
+        ({"scattering_per_m": 0.2, "gradient_per_m2": -0.02}, 0.3 - 0.02 * 4.75),
+    ],
+)  # fmt: skip
+def test_least_attenuation_on_the_way(fields: dict[str, object], least: float) -> None:
+    water = Water(absorption_per_m=0.1, **fields)
+    found = least_attenuation_per_m(water, [525.0], [0.3, -0.8], [3.0, 8.0], [0.0, 7200.0])
+    assert found == pytest.approx(least, abs=1e-9)
+
+
+def test_background_and_saturation_are_no_water_that_gives_light_back() -> None:
+    """On one axis a gradient that amplifies from 3.6 m on, with saturation, follows them as well."""
+    rng = np.random.default_rng(11)
+    light = np.exp(-0.09 * PLANES) / PLANES**2
+    light = light / light.max() + 0.01
+    value = light / (1 + 0.16 * light / light.max())
+    sigma = np.hypot(0.005 * value, 0.0005 * value.max())
+    value = value + sigma * rng.standard_normal(30)
+    verdict = diagnose(axis_readings(value, sigma), SCENE, diffuse=None, advise=False).verdict
+    assert "background" in verdict.best_set
+    for accepted in verdict.explanations:
+        gradient = accepted.parameters.get("water.gradient_per_m2")
+        if gradient is not None:
+            far = accepted.parameters["water.absorption_per_m"].value + gradient.value * (9.0 - CENTRE_M)
+            assert far > 0 or accepted.weight < 0.01

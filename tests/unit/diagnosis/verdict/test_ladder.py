@@ -1,0 +1,44 @@
+"""The rungs stand in an order in which the error falls, where there is one."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+GRADIENT, WARM_UP, SECONDS = 0.022, -0.12, 500.0
+
+
+def read() -> Readings:
+    """By formulas of their own: a beam of 6 degrees, water more turbid farther away, a lamp that fades
+    at first. Beside the warm-up alone the error in per cent would rise: the far readings are the dark ones.
+    """
+    rng = np.random.default_rng(6)
+    places = [
+        (z * np.tan(np.radians(1.8 * k)), z) for z in (0.8, 1.0, 1.3, 2.0, 4.0, 9.0) for k in range(-5, 6)
+    ]
+    x, z = np.array(places)[rng.permutation(len(places))].T
+    time_s = 30.0 * np.arange(len(x))
+    r = np.hypot(x, z)
+    beam = np.exp(-np.log(2) * (np.degrees(np.arctan2(np.abs(x), z)) / 6.0) ** 2)
+    depth = 0.09 * r + GRADIENT * (z / 2 - 3.25) * r
+    value = beam * z / r**3 * np.exp(-depth) * (1 + WARM_UP * (1 - np.exp(-time_s / SECONDS)))
+    value /= value.max()
+    sigma = np.hypot(0.005 * value, 0.0005)
+    value = value + sigma * rng.standard_normal(len(value))
+    zero = np.zeros(len(x))
+    return Readings.from_arrays(x_m=x, y_m=zero, z_m=z, value=value, stderr=sigma, time_s=time_s)
+
+
+def test_the_error_falls_from_rung_to_rung() -> None:
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 7.0}, "water": {"absorption_per_m": 0.11}})
+    verdict = diagnose(read(), scene, diffuse=None, advise=False).verdict
+    assert sorted(verdict.best_set) == ["lamp_drift", "water_gradient"]
+    errors = [rung.error_percent for rung in verdict.ladder]
+    assert all(
+        after is not None and before is not None and after < before for before, after in pairwise(errors)
+    )
