@@ -12,8 +12,7 @@ from lightfield.diagnosis.adequacy.subspace import TINY, beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
 from lightfield.diagnosis.problem.layout import LEAST_RANGE, LINE_DECIMALS, Layout
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Linearisations of a free factor, parts of a step that are tried, and how weak a direction of the step is
 #: left alone: a function of the angle can stand in for the beam width.
@@ -49,6 +48,8 @@ class Coordinate:
         Where along the coordinate the factor departs most from one; NaN for a label.
     period_deg : float, optional
         Of a factor that is periodic in the angle.
+    at_one : bool
+        It is one everywhere but at one place along the coordinate.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Coordinate:
     explained: float
     worst_at: float
     period_deg: float | None = None
+    at_one: bool = False
 
 
 def _levels(coordinate: Array, limit: int) -> Array | None:
@@ -99,7 +101,7 @@ def _spans(layout: Layout, prediction: Array) -> Mapping[str, tuple[Array, Array
     return out
 
 
-def _ripple(problem: Problem, whiten: Whitener, base: Fit) -> list[tuple[str, Array, Array, float]]:
+def _ripple(problem: Problem, whiten: Whiten, base: Fit) -> list[tuple[str, Array, Array, float]]:
     """The best ripple of the angle, on top of slow changes: name, basis, coordinate and period, degrees."""
     layout, factor = problem.layout, problem.keep * base.prediction
     angle, best = np.degrees(layout.angle_rad), (0.0, 0.0)
@@ -116,7 +118,28 @@ def _ripple(problem: Problem, whiten: Whitener, base: Fit) -> list[tuple[str, Ar
     return [("angle", basis, angle, float(np.degrees(best[1])))]
 
 
-def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> tuple[float, int, Array]:
+def _one_plane(problem: Problem, whiten: Whiten, base: Fit) -> tuple[Array, float] | None:
+    """The plane that departs most from the others, as one that stands elsewhere does: its basis and distance.
+
+    Nearer or farther it is brighter and narrower, or the other way round; moved aside it has a slope.
+    """
+    layout, factor = problem.layout, problem.keep * base.prediction
+    angle = layout.angle_rad / max(float(layout.angle_rad.max()), _LEAST)
+    shapes = np.stack([np.ones(layout.size), angle**2, layout.x_m, layout.y_m], axis=1)
+    free = orthonormal(base.jacobian)
+    residual = beside(free, base.residual[:, None])
+    best: tuple[float, Array, float] | None = None
+    for k in range(int(layout.plane.max()) + 1):
+        here = layout.plane == k
+        basis = orthonormal(here[:, None] * shapes, _SAME_COLUMN)
+        columns = beside(free, whiten(factor[:, None] * basis))
+        explained = float(((orthonormal(columns).T @ residual) ** 2).sum())
+        if best is None or explained > best[0]:
+            best = explained, basis, float(layout.z_m[here].mean())
+    return None if best is None or layout.plane.max() == 0 else best[1:]
+
+
+def _factor_fit(problem: Problem, whiten: Whiten, base: Fit, basis: Array) -> tuple[float, int, Array]:
     """Least squares of base model times (1 + basis @ a), re-linearised; chi-square, terms and factor."""
     unit = orthonormal(basis - basis.mean(0), _SAME_COLUMN)
     model, keep, value = base.model, problem.keep, problem.value
@@ -142,33 +165,34 @@ def _factor_fit(problem: Problem, whiten: Whitener, base: Fit, basis: Array) -> 
     return best[0], unit.shape[1], best[1]
 
 
-def free_factors(problem: Problem, whiten: Whitener, base: Fit, phi: float) -> list[Coordinate]:
+def free_factors(problem: Problem, whiten: Whiten, base: Fit, phi: float) -> list[Coordinate]:
     """Families of free factors, best first.
 
     Parameters
     ----------
-    whiten : Whitener
+    whiten : callable
         Without serial correlation, which would take a misfit in time for noise.
     phi : float
         Pure-error variance scale.
     """
     n = int(problem.keep.sum())
     noise = phi * (n - len(base.u))
+    out: list[Coordinate] = []
+
+    def tell(
+        name: str, chi2: float, terms: int, worst_at: float, period: float | None = None, at_one: bool = False
+    ) -> None:
+        explained = float((base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, _LEAST))
+        score = chi2 / phi + terms * np.log(n)
+        out.append(Coordinate(name, score, terms, explained, worst_at, period, at_one))
+
     families = [(name, *span, None) for name, span in _spans(problem.layout, base.prediction).items()]
-    out = []
     for name, basis, coordinate, period in [*families, *_ripple(problem, whiten, base)]:
         chi2, terms, factor = _factor_fit(problem, whiten, base, basis)
-        terms += period is not None
         departure = np.abs(factor - np.median(factor)) * (base.prediction > _BRIGHT * base.prediction.max())
-        explained = (base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, _LEAST)
-        out.append(
-            Coordinate(
-                name,
-                chi2 / phi + terms * np.log(n),
-                terms,
-                float(explained),
-                float(coordinate[departure.argmax()]),
-                period,
-            )
-        )
+        # What was chosen of many counts as a number more.
+        tell(name, chi2, terms + (period is not None), float(coordinate[departure.argmax()]), period)
+    if (one := _one_plane(problem, whiten, base)) is not None:
+        chi2, terms, _ = _factor_fit(problem, whiten, base, one[0])
+        tell("plane", chi2, terms + 1, one[1], at_one=True)
     return sorted(out, key=lambda c: c.score)

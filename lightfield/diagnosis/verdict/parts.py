@@ -247,6 +247,7 @@ class Misfit(Record):
     period_deg: float | None = Field(None, description="of a misfit that is periodic in the angle")
     period_s: float | None = Field(None, description="of a misfit that is periodic in time")
     like: str | None = Field(None, description="local unknown that describes it best, if one does")
+    at_one: bool = Field(False, description="it lies at that one place along the coordinate")
 
 
 class LeftOver(Record):

@@ -137,7 +137,10 @@ def _factors(
     return [
         _Description(
             one.score + more, one.explained,
-            Misfit(coordinate=one.name, worst_at=one.worst_at, period_deg=one.period_deg), fit.prediction,
+            Misfit(
+                coordinate=one.name, worst_at=one.worst_at, period_deg=one.period_deg, at_one=one.at_one
+            ),
+            fit.prediction,
         )
         for one in free_factors(problem, plain, fit, scale)
     ]  # fmt: skip

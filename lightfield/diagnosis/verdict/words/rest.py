@@ -27,6 +27,9 @@ def about(misfit: Misfit | None) -> str:
     if misfit.like is not None and misfit.period_deg is None and misfit.period_s is None:
         name, unit = misfit.coordinate, UNITS.get(misfit.coordinate, "")
         return f"it looks like a {plain(misfit.like)}, near {name} = {misfit.worst_at:.3g} {unit}".rstrip()
+    if misfit.at_one:
+        where = f"{misfit.worst_at:.3g} {UNITS.get(misfit.coordinate, '')}".rstrip()
+        return f"it lies in the {misfit.coordinate} at {where} alone, which may stand elsewhere than stated"
     return f"it depends on {misfit.coordinate} alone, {_largest(misfit)}"
 
 

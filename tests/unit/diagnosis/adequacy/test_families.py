@@ -11,6 +11,10 @@ from toy_problem import Linear, Toy, layout
 
 from lightfield.diagnosis.adequacy.families import Coordinate, free_factors
 from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.fitting.forward import SceneForward
+from lightfield.readings import Readings
+from lightfield.scene import Scene
 
 
 def toy(in_order: bool = False) -> Toy:
@@ -49,11 +53,36 @@ def test_a_level_at_one_distance_by_hand() -> None:
     lay = made.problem.layout
     value = made.base * (1 + 0.1 * (lay.plane == 2))
     chi2 = made.regression(made.with_value(value))[2]
-    plane = next(one for one in found(made, value) if one.name == "plane")
+    plane = next(one for one in found(made, value) if one.name == "plane" and not one.at_one)
     assert plane.terms == 4
     assert plane.score == pytest.approx(4 * np.log(60), abs=1e-3)
     assert plane.explained == pytest.approx((chi2 - 4) / (chi2 - (60 - 2)), rel=1e-6)
     assert plane.worst_at == lay.z_m[lay.plane == 2][0]
+
+
+@pytest.mark.parametrize("moved", [{"z": 0.12}, {"x": 0.05}])
+def test_a_plane_that_stands_elsewhere(moved: dict[str, float]) -> None:
+    """By formulas of their own: one of six planes 12 cm farther, or 5 cm aside, than the table says."""
+    planes, rng = (2.5, 3.5, 4.5, 5.5, 6.5, 7.5), np.random.default_rng(4)
+    x, z = (axis.ravel() for axis in np.meshgrid(np.linspace(-0.8, 0.8, 17), planes))
+    odd = z == 4.5
+    true_x, true_z = x + moved.get("x", 0.0) * odd, z + moved.get("z", 0.0) * odd
+    r = np.hypot(true_x, true_z)
+    value = np.exp(-np.log(2) * (np.degrees(np.arctan2(true_x, true_z)) / 5) ** 2 - 0.09 * r) * true_z / r**3
+    value /= value.max()
+    sigma = np.hypot(0.005 * value, 0.0005)
+    value = value + sigma * rng.standard_normal(len(value))
+    readings = Readings.from_arrays(x_m=x, y_m=np.zeros(len(x)), z_m=z, value=value, stderr=sigma)
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 6.0}, "water": {"absorption_per_m": 0.11}})
+    problem, _ = problem_of(SceneForward(scene, readings), readings, [], None)
+
+    def whiten(columns: np.ndarray) -> np.ndarray:
+        return (columns.T / sigma).T
+
+    base = problem.fit((), whiten, [problem.model().start])
+    best = free_factors(problem, whiten, base, 1.0)[0]
+    assert (best.name, best.at_one, best.worst_at) == ("plane", True, 4.5)
+    assert best.explained > 0.8
 
 
 def test_the_place_of_a_dip_is_where_it_is() -> None:
@@ -92,7 +121,7 @@ def test_where_nothing_is_missing_a_family_takes_away_what_its_terms_may() -> No
     for seed in range(60):
         value = made.base + made.sigma * np.random.default_rng(seed).standard_normal(60)
         chi2 = made.regression(made.with_value(value))[2]
-        plane = next(one for one in found(made, value) if one.name == "plane")
+        plane = next(one for one in found(made, value) if one.name == "plane" and not one.at_one)
         left = plane.score - plane.terms * np.log(60)
         falls.append(chi2 - left)
         rank = plane.terms - 1  # the slope with the distance is free in the base model

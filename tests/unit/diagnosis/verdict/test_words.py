@@ -188,6 +188,8 @@ def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structur
          "it depends on angle alone, with a period of 1.5 degrees"),
         (Misfit(coordinate="time", worst_at=2.0, period_s=421.3, like="ripple_in_time"),
          "it depends on time alone, with a period of 421 s"),
+        (Misfit(coordinate="plane", worst_at=4.5, at_one=True),
+         "it lies in the plane at 4.5 m alone, which may stand elsewhere than stated"),
     ],
 )  # fmt: skip
 def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
