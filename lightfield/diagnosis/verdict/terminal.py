@@ -86,10 +86,10 @@ def _short(number: float | None) -> str:
 
 
 def _found(found: Sequence[FoundEffect]) -> list[str]:
-    """A table of the effects of the best set."""
+    """A table of the effects of the best set; "in sets" is the share of all sets' weight that holds each."""
     if not found:
         return []
-    out = ["", f"{'effect':<18}{'sigma':>8}{'gap':>9}{'weight':>8}  level; size"]
+    out = ["", f"{'effect':<18}{'sigma':>8}{'gap':>9}{'in sets':>8}  level; size"]
     for one in found:
         sigma = "-" if one.sigma_to_remove is None else f"{one.sigma_to_remove:.1f}"
         gap = "-" if one.gap is None else f"{one.gap:.1f}"

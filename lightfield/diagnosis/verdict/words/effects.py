@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
 from lightfield.diagnosis.verdict.speech import capital, exactly, join, plain, roughly, short
+from lightfield.fitting import effects
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of.
 _SPOKEN = 50.0
@@ -48,7 +49,7 @@ def follows_any(one: FoundEffect) -> bool:
 
 def instead(one: FoundEffect) -> str:
     """What would do in place of an effect; "" for nothing."""
-    told = [_with(names) for names in one.alternatives[:_ALTERNATIVES_TOLD]]
+    told = [_in_place_of(one.effect, names) for names in one.alternatives[:_ALTERNATIVES_TOLD]]
     if one.beyond:
         told.insert(0, f"more {_with(one.beyond)} than is held plausible")
     if one.other_lamp and not any(_CURVE in names for names in one.alternatives):
@@ -64,6 +65,12 @@ def shared(
     certain = [one.effect for one in common if one.level == "certain"]
     open_ = [one for one in common if one.level == "one of" and instead(one)]
     return certain, [f"Instead of {plain(o.effect)}: {instead(o)}." for o in open_]
+
+
+def _in_place_of(effect: str, names: Sequence[str]) -> str:
+    """What does as well; a curve that an effect is one course of is no other cause."""
+    curve = effects.curves().get(names[0]) if len(names) == 1 else None
+    return f"any course of it ({plain(names[0])})" if curve and effect in curve.contains else _with(names)
 
 
 def _with(names: Sequence[str]) -> str:

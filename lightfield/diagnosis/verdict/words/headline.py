@@ -24,6 +24,8 @@ from lightfield.diagnosis.verdict.words.effects import follows_any, instead, lev
 MANY: Final = 3
 #: Explanations, or effects asked for, that the sentence names one by one.
 _NAMED = 4
+#: Explanations of less weight are not spoken of in it, but for two.
+_SPOKEN_OF = 0.01
 #: Why a size is not known.
 _NO_SIZE: Final = {Reason.UNDETERMINED, Reason.TOO_WIDE}
 #: Errors within these factors of the stated ones are "as stated".
@@ -120,15 +122,34 @@ def _perhaps(v: Findings, one: AcceptedExplanation) -> Said:
 def _one_of(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
     """Explanations that cannot be told apart."""
     _, others = shared(v.found, v.explanations)
+    told = [one for k, one in enumerate(told) if k < 2 or one.weight >= _SPOKEN_OF]
     rest_of = len(told) - _NAMED
-    more = f" or one of {rest_of} others" if rest_of > 1 else " or one other" if rest_of == 1 else ""
-    listed = " or ".join(join(e.effects) for e in told[:_NAMED])
-    what = f"{capital(listed)}{' or others' if others else more}: these readings cannot tell"
+    more = "or one of {rest_of} others" if rest_of > 1 else "or one other" if rest_of == 1 else ""
+    more = "or others" if others else more.format(rest_of=rest_of)
+    what = f"{capital(_either([one.effects for one in told[:_NAMED]], more))}: these readings cannot tell"
     if rival is None:
         return Said.of(f"{what}{_within(v)}.", *others)
     apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
     first = Said(f"{what} ({apart}){_within(v)}.", f"{what}{_within(v)}.", (f"{capital(apart)}.",))
     return reduce(Said.then, others, first)
+
+
+def _either(sets: Sequence[Sequence[str]], more: str) -> str:
+    """Sets of effects of which one is there; what they share is said once.
+
+    Parameters
+    ----------
+    more : str
+        What follows them, or nothing.
+    """
+    common = [name for name in sets[0] if all(name in names for names in sets)]
+    own = [[name for name in names if name not in common] for names in sets]
+    if common and all(own):
+        each = " or ".join(" with ".join(map(plain, names)) for names in own)
+        return f"{join(common)}, and {each} {more}".rstrip()
+    if all(len(names) == 1 for names in sets):
+        return f"{' or '.join(map(join, sets))} {more}".rstrip()
+    return "; ".join([join(sets[0]), *(f"or {join(names)}" for names in sets[1:]), *([more] if more else [])])
 
 
 def _many(v: Findings, found: Sequence[FoundEffect]) -> Said:

@@ -220,7 +220,8 @@ def test_the_simplest_comes_with_what_else_would_do() -> None:
     assert effects.level(by_lamp) == "simplest; a lamp of another shape would do as well"
     detail = effect("lamp_drift", "simplest", ["lamp_power_curve"]).model_copy(update={"lamp_detail": True})
     assert effects.level(detail) == (
-        "simplest; lamp power curve would do as well; perhaps detail of the lamp that its curve leaves out"
+        "simplest; any course of it (lamp power curve) would do as well; "
+        "perhaps detail of the lamp that its curve leaves out"
     )
     curve = effect("acceptance", "simplest", ["beam_profile"]).model_copy(update={"other_lamp": True})
     assert effects.level(curve) == "simplest; beam profile would do as well"

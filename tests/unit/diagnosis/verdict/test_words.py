@@ -67,9 +67,22 @@ def test_several_explanations_that_share_an_effect_do_not_make_it_sure() -> None
     found = [effect("beam_offset", "one of", ["surface_reflection"])]
     text = words_of(findings("ambiguous", *pairs, nearest_rival=RIVAL, found=found))
     assert text.headline == (
-        "Beam offset and saturation or beam offset and background or others: these readings cannot tell."
+        "Beam offset, and saturation or background or others: these readings cannot tell."
     )
     assert text.support[-1] == instead and text.sentence.endswith(instead)
+
+
+def test_sets_that_share_nothing_are_told_apart_and_what_weighs_nothing_is_not_told() -> None:
+    sets = [explanation("water_gradient", "settling"), explanation("background", "saturation")]
+    text = words_of(findings("ambiguous", *sets))
+    assert text.headline == (
+        "Water gradient and settling; or background and saturation: these readings cannot tell."
+    )
+    weightless = [explanation(name, "saturation").model_copy(update={"weight": 0.004}) for name in "abc"]
+    text = words_of(findings("ambiguous", *sets, *weightless))
+    assert text.headline == (
+        "Water gradient and settling; or background and saturation: these readings cannot tell."
+    )
 
 
 def test_reasons_are_written_as_ever() -> None:
