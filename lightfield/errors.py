@@ -5,9 +5,42 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 SHOWN = 10  # so many problems of a list are printed
 LONGEST_VALUE, LONGEST_LINE = 300, 2000
+LONGEST_LISTED = 80  # of a value on a line of a list
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """What is wrong with one value, as data; its line is `str` of it.
+
+    Parameters
+    ----------
+    key : str
+        Dotted path of the value; empty for the whole of what was read.
+    what : str
+        What is wrong, in one clause.
+    found : object, optional
+        The offending value.
+    rule, remedy : str, optional
+        As in `LightfieldError`.
+    """
+
+    key: str
+    what: str
+    found: object = None
+    rule: str | None = None
+    remedy: str | None = None
+
+    @property
+    def head(self) -> str:
+        """Key and what is wrong with it."""
+        return f"{self.key}: {self.what}" if self.key else self.what
+
+    def __str__(self) -> str:
+        return _told(self.head, self.found, self.rule, self.remedy, LONGEST_LISTED)
 
 
 class LightfieldError(Exception):
@@ -25,7 +58,7 @@ class LightfieldError(Exception):
         The rule it breaks, with the valid choices or range.
     remedy : str, optional
         What to do about it.
-    problems : sequence of str, optional
+    problems : sequence of str or Complaint, optional
         All single problems found in one go; one alone stays on the line of `what`, and of many the first ten
         are printed.
     """
@@ -38,22 +71,27 @@ class LightfieldError(Exception):
         found: object = None,
         rule: str | None = None,
         remedy: str | None = None,
-        problems: Sequence[str] = (),
+        problems: Sequence[str | Complaint] = (),
     ) -> None:
         self.what, self.where, self.found, self.rule, self.remedy = what, where, found, rule, remedy
         self.problems = tuple(problems)
-        parts = [what if where is None else f"{where}: {what}"]
-        if found is not None:
-            parts.append(f"found {brief(found, LONGEST_VALUE)}")
-        if rule:
-            parts.append(f"rule: {rule}")
-        if remedy:
-            parts.append(f"remedy: {remedy}")
-        text = "; ".join(map(_line, parts))
-        if len(self.problems) == 1:
-            super().__init__(f"{text}: {_line(self.problems[0])}")
+        head = what if where is None else f"{where}: {what}"
+        text, lines = _told(head, found, rule, remedy, LONGEST_VALUE), [str(one) for one in problems]
+        if len(lines) == 1:
+            super().__init__(f"{text}: {_line(lines[0])}")
         else:
-            super().__init__("\n".join([text, *(f"  {_line(line)}" for line in first_ten(self.problems))]))
+            super().__init__("\n".join([text, *(f"  {_line(line)}" for line in first_ten(lines))]))
+
+
+def _told(head: str, found: object, rule: str | None, remedy: str | None, longest: int) -> str:
+    parts = [head]
+    if found is not None:
+        parts.append(f"found {brief(found, longest)}")
+    if rule:
+        parts.append(f"rule: {rule}")
+    if remedy:
+        parts.append(f"remedy: {remedy}")
+    return "; ".join(map(_line, parts))
 
 
 def first_ten(lines: Sequence[str]) -> list[str]:
@@ -121,6 +159,14 @@ class SceneWarning(UserWarning):
 
 class SceneError(LightfieldError):
     """A scene, or a value given for one of its parameters, is not usable."""
+
+    @classmethod
+    def of(cls, complaints: Sequence[Complaint], where: str) -> SceneError:
+        """All that is wrong with a scene: of one complaint the error's own fields, of several `problems`."""
+        if len(complaints) > 1:
+            return cls(f"{len(complaints)} problems in the scene", where=where, problems=complaints)
+        (one,) = complaints
+        return cls(one.head, where=where, found=one.found, rule=one.rule, remedy=one.remedy)
 
 
 class MeasurementError(LightfieldError):

@@ -1,4 +1,4 @@
-"""Turns every complaint about a scene into one line: key, value, rule, remedy."""
+"""Turns everything that is wrong with a scene into a complaint each: key, value, rule, remedy."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from lightfield.errors import RuleError, SceneError, brief
+from lightfield.errors import Complaint, RuleError, SceneError
 from lightfield.scene.parameters import bounds
 
 RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
@@ -18,7 +18,7 @@ NUMBER_ERRORS = {"float_type", "int_type", "int_from_float"}
 
 
 def scene_error(error: ValidationError, model: type[BaseModel], where: str) -> SceneError:
-    """All problems of a scene as one error, one line each.
+    """All problems of a scene as one error, one complaint each.
 
     Parameters
     ----------
@@ -29,10 +29,7 @@ def scene_error(error: ValidationError, model: type[BaseModel], where: str) -> S
     where : str
         File name or other origin.
     """
-    lines = [_line(dict(problem), model) for problem in error.errors()]
-    if len(lines) == 1:
-        return SceneError(lines[0], where=where)
-    return SceneError(f"{len(lines)} problems in the scene", where=where, problems=lines)
+    return SceneError.of([_complaint(dict(problem), model) for problem in error.errors()], where)
 
 
 def absent_error(path: str, part: str) -> SceneError:
@@ -82,22 +79,22 @@ def nearest_keys(path: str, valid: Iterable[str]) -> str:
     return f"valid here are {', '.join(choices)}" if choices else "remove it"
 
 
-def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
+def _complaint(problem: Mapping[str, Any], model: type[BaseModel]) -> Complaint:
     owner, keys = _walk(model, tuple(problem["loc"]))
     path, kind, value = ".".join(keys), str(problem["type"]), problem.get("input")
     if kind == "extra_forbidden":
         prefix = "".join(f"{key}." for key in keys[:-1])
         valid = [prefix + name for name in owner.model_fields]
-        remedy = nearest_keys(path, valid)
-        return f"{path}: unknown key; found {_short(value)}; rule: only known keys; remedy: {remedy}"
+        return Complaint(path, "unknown key", value, "only known keys", nearest_keys(path, valid))
     rule, remedy = _rule(problem, owner, keys)
-    found = "" if kind == "missing" else f"; found {_short(value)}"
-    what = {"missing": "missing", "value_error": "not possible"}.get(kind, "wrong value")
     error = problem.get("ctx", {}).get("error")
     if isinstance(error, RuleError) and error.told:
-        return f"{path or 'scene'}: {rule}; remedy: {remedy}"
-    where = f"{path}: {what}" if path else f"the scene as a whole is {what}"
-    return f"{where}{found if kind != 'value_error' else ''}; rule: {rule}; remedy: {remedy}"
+        return Complaint(path or "scene", rule, remedy=remedy)
+    if kind in ("missing", "value_error"):
+        value, what = None, "missing" if kind == "missing" else "not possible"
+    else:
+        what = "wrong value" if value is not None else "no value"
+    return Complaint(path, what if path else f"the scene as a whole is {what}", value, rule, remedy)
 
 
 def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel], list[str]]:
@@ -178,7 +175,3 @@ def _interval(owner: type[BaseModel], name: str) -> str:
     if high < float("inf"):
         words.append(f"{'<' if strict_high else '<='} {high:g}")
     return " and ".join(words) or "that is finite"
-
-
-def _short(value: Any) -> str:
-    return brief(value, 80)

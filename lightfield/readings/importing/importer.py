@@ -126,8 +126,8 @@ def _read_files(
             spectra = read_spectra(entry.path, columns)
         except MeasurementError as error:
             if error.problems:
-                for what in error.problems:
-                    problems.add(f"{entry.file}: {what}", place=entry.line)
+                for one in error.problems:
+                    problems.add(f"{entry.file}: {one}", place=entry.line)
             else:
                 problems.add(
                     f"{entry.file}: {error.what}",

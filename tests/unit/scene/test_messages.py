@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from lightfield.errors import RuleError, SceneError
+from lightfield.errors import Complaint, RuleError, SceneError
 from lightfield.scene import Scene
 from lightfield.scene.lamp.lamp import Lamp
 
@@ -117,8 +117,8 @@ def test_all_problems_at_once() -> None:
             'phase = { type = "henyey-greenstein", g = 2, k = 1 }\n[tank]\nlamp_depth_m = 5\n[foo]\nx = 1\n'
         )
     assert len(caught.value.problems) == 7
-    keys = [line.split(":")[0] for line in caught.value.problems]
-    assert set(keys) == {
+    complaints = [one for one in caught.value.problems if isinstance(one, Complaint)]
+    assert {one.key for one in complaints} == {
         "lamp.hwhm",
         "lamp.profile",
         "water.absorption_per_m",
@@ -127,7 +127,23 @@ def test_all_problems_at_once() -> None:
         "tank",
         "foo",
     }
-    assert all("rule" in line and "remedy" in line for line in caught.value.problems)
+    assert len(complaints) == 7 and all(one.rule and one.remedy for one in complaints)
+    (wrong,) = (one for one in complaints if one.key == "water.phase.g")
+    assert wrong.found == 2 and (wrong.rule or "").startswith("a number > -1 and < 1 (1)")
+    assert f"  {wrong.key}: wrong value; found 2; rule: {wrong.rule}; remedy: {wrong.remedy}" in str(
+        caught.value
+    )
+
+
+def test_what_is_wrong_with_one_value_alone_is_told_as_fields() -> None:
+    """A program need not read the sentence."""
+    with pytest.raises(SceneError) as caught:
+        Scene.from_dict({"lamp": {"hwhm_deg": -3}})
+    error = caught.value
+    assert (error.where, error.what, error.found) == ("scene", "lamp.hwhm_deg: wrong value", -3)
+    assert error.rule == "a number >= 0.05 and <= 90 (deg): half width of the beam at half maximum"
+    assert error.remedy == "write hwhm_deg = a value in that range" and error.problems == ()
+    assert str(error) == (f"scene: {error.what}; found -3; rule: {error.rule}; remedy: {error.remedy}")
 
 
 @pytest.mark.parametrize(
