@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.commands.shared.options import add_option
-from lightfield.errors import UsageError
+from lightfield.errors import OutputError, UsageError
 from lightfield.maps.dataset import read_netcdf, write_exr_planes
 from lightfield.storage.files import locked_folder
 from lightfield.sweep.results import (
@@ -66,7 +66,19 @@ def _maps(args: argparse.Namespace) -> int:
 
 
 def _chosen(args: argparse.Namespace) -> int:
-    data = chosen_cases(open_store(args.store), args.case or [])
+    try:
+        data = chosen_cases(open_store(args.store), args.case or [])
+    except OutputError as error:
+        from lightfield.studies.following.sweep import QUANTITY
+
+        if error.found != QUANTITY:
+            raise
+        raise UsageError(
+            "this store holds runs of a follower",
+            where=str(args.store),
+            rule="images are of maps",
+            remedy="`lightfield show` draws them",
+        ) from error
     axes = axes_of(data)
     shape = tuple(data.sizes[name] for name in axes)
     count = int(np.prod(shape))

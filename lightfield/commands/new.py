@@ -57,7 +57,8 @@ def run(args: argparse.Namespace) -> int:
         if assumed:
             print(f"assumed: {', '.join(assumed)}")
         print(f"tank: {sizes_told(made.scene)}")
-    print(f"scene: {files[SCENE]}\nreadings: {files[READINGS]}, {made.rows} places to read")
+    print(f"scene: {files[SCENE]} (`lightfield scene` lists its defaults)")
+    print(f"readings: {files[READINGS]}, {made.rows} places to read")
     print("next, what this layout could tell, and then, with its values filled in, what they tell:")
     print(f"  lightfield plan {quote(str(files[LAYOUT]))} --scene {scene}")
     print(f"  lightfield diagnose {readings} --scene {scene} --report {report}")

@@ -136,7 +136,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         raise UsageError("impossible number of readings", where="points", found=points, rule="1 to 201")
     lines = [
         "# What is known about the experiment. Lengths in m from the lamp's window: x to the side, y up,",
-        "# z along the beam. What is not said has a default; `lightfield scene FILE` lists all of it.",
+        "# z along the beam. What is not said has a default.",
         tomli_w.dumps({"name": name}).rstrip(),
         "",
         "[lamp]",

@@ -109,7 +109,7 @@ class _Guarded(tornado.web.RequestHandler):
         more = ""
         if status_code == 403:
             more = (
-                ". The address that `lightfield explore` prints opens the page once, in one browser; "
+                ". The address that the explorer says at its start opens the page once, in one browser; "
                 "start it again for another."
             )
         self.finish(f"{status_code} {self._reason}{more}\n")

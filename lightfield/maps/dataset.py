@@ -228,17 +228,17 @@ def read_netcdf(path: str | os.PathLike[str]) -> xr.Dataset:
         if _begins_as_netcdf(path):
             raise OutputError(
                 "this data set is damaged or cut short", where=str(path),
-                rule="a whole NetCDF file, as `lightfield render` writes it",
+                rule="a whole NetCDF file, as a render writes it",
                 remedy="copy it again from where it was written, or render again",
             ) from error  # fmt: skip
         raise OutputError(
             "cannot read this as a data set", where=str(path),
-            rule="NetCDF, as `lightfield render` writes it", remedy="check the path, or render again",
+            rule="NetCDF, as a render writes it", remedy="check the path, or render again",
         ) from error  # fmt: skip
     if (lacks := lacking(dataset)) is not None:
         raise OutputError(
             "not a rendering", where=str(path), rule=lacks,
-            remedy="give a file written by `lightfield render`",
+            remedy="give a file that a render wrote",
         )  # fmt: skip
     return dataset
 

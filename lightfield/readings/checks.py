@@ -109,7 +109,7 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
         "role",
         "is unknown",
         " or ".join(ROLES),
-        "subtract dark readings first: `lightfield import`",
+        "subtract dark readings first, as an import does",
     )
     _check_duplicates(readings, noted, lines)
     _check_head(readings, noted)

@@ -210,7 +210,7 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.ENCODING: "save it as UTF-8",
     Remarks.UNUSED_COLUMN: "rename it to {missing}, in that unit",
     Remarks.UNUSED_ENTRY: "rename it to {missing}",
-    Remarks.IGNORED_COLUMNS: "say what one of them is, if it matters: --column MEANING=NAME",
+    Remarks.IGNORED_COLUMNS: "say what one of them is, if it matters: column MEANING=NAME",
     Remarks.UNIT_TAKEN: "if that is wrong, write the unit in brackets behind the name of the column",
     Remarks.TIME_FROM_HEADER: "give time_s in the index if the instrument's clock was wrong",
     Remarks.LIT_DARK: "correct the roles in the index, or take the dark with the lamp covered",

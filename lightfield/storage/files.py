@@ -68,7 +68,7 @@ def locked_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise OutputError(
-                "another command is writing to this folder",
+                "another program is writing to this folder",
                 where=str(path),
                 rule="files of two runs would mix",
                 remedy="wait for it, or choose another folder",
@@ -97,7 +97,7 @@ def output_file(path: str | os.PathLike[str], *inputs: str | os.PathLike[str]) -
     _check_replaceable(target)
     if target.resolve() in {Path(file).resolve() for file in inputs}:
         raise OutputError(
-            "this file is in use by the same command",
+            "this file is in use in the same run",
             where=str(path),
             rule="what is read is not overwritten, and every output has a file of its own",
             remedy="choose another name",

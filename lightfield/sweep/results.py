@@ -23,7 +23,7 @@ from lightfield.sweep import journal
 from lightfield.sweep.axes import apply
 from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
 
-GIVE = "give what `lightfield sweep` wrote"
+GIVE = "give what a sweep wrote"
 
 
 #: Digits to which a value may be rounded: 0.0464, as figures print it, means the step 0.046416; and those a
@@ -91,7 +91,7 @@ def verify(path: str | Path) -> Soundness:
         f"{len(problems)} files of this store are damaged or missing",
         where=str(path),
         rule="every file has the digest that the journal noted",
-        remedy="give the same `lightfield sweep` command again: it makes the damage good",
+        remedy="run its sweep again: it makes the damage good",
         problems=problems,
     )
 
@@ -125,7 +125,7 @@ def open_store(path: str | Path, quantity: str | None = None) -> xr.Dataset:
         raise OutputError(
             "this store holds something else", where=str(path), found=str(held),
             rule=quantity or "maps of light",
-            remedy="`lightfield show` draws runs of a follower, xarray opens it as it is",
+            remedy="xarray opens it as it is",
         )  # fmt: skip
     return data
 
@@ -146,7 +146,7 @@ def decoded(path: str | Path) -> Iterator[None]:
             raise
         raise OutputError(
             "a file of this store cannot be decoded", where=str(path), found=str(error),
-            rule="Blosc, as `lightfield sweep` writes it", remedy="run the sweep again, into another store",
+            rule="Blosc, as a sweep writes it", remedy="run the sweep again, into another store",
         ) from error  # fmt: skip
 
 

@@ -221,7 +221,9 @@ class _Dispatch:
             return result
         except (OSError, OutputError, CancelledError) as error:
             if isinstance(error, CancelledError):
-                raise RenderError("the cluster gave up", remedy="the same command continues") from error
+                raise RenderError(
+                    "the cluster gave up", remedy="run the sweep again: it continues"
+                ) from error
             raise
         except (LightfieldError, KilledWorker, ValueError, RuntimeError, TypeError, MemoryError) as error:
             # What another machine, or fewer workers, may do is no answer about a case.
@@ -332,6 +334,6 @@ def _full_disk(path: Path) -> Iterator[None]:
                 "the disk is full",
                 where=str(path),
                 found=f"{room / 1e6:.1f} MB free, {zarrfile.size_on_disk(path) / 1e6:.1f} MB in the store",
-                remedy="make room and give the same command again: it continues",
+                remedy="make room and run the sweep again: it continues",
             ) from error
         raise

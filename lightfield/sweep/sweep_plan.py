@@ -144,7 +144,7 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> SweepP
         raise UsageError(
             "a sweep needs detector planes",
             found="detector.positions_m",
-            remedy="give detector.planes_m instead; single positions: `lightfield render`, case by case",
+            remedy="give detector.planes_m instead; single positions: render them case by case",
         )
     grid_axes = tuple(_axes_on(cases, Acts.PLACES | Acts.BOX))
     grids = _grids(cases, grid_axes)

@@ -335,7 +335,7 @@ def _response(file: Path) -> TransportResponse:
 def _loaded(file: str, _modified: int) -> TransportResponse:
     stored = _read(Path(file))
     if stored is None:
-        raise OutputError("the trace is gone or damaged", where=file, remedy="run the same command again")
+        raise OutputError("the trace is gone or damaged", where=file, remedy="run its sweep again")
     return stored[0]
 
 

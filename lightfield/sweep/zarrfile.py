@@ -100,7 +100,7 @@ def refuse_foreign_metadata(path: Path) -> None:
             "the metadata of this store are not those of a sweep",
             where=str(path),
             found=str(error),
-            rule="codecs and types as `lightfield sweep` writes them; nothing else is opened",
+            rule="codecs and types as a sweep writes them; nothing else is opened",
             remedy="run its sweep again, or do not trust this store",
         ) from error
 

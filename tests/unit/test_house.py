@@ -206,14 +206,34 @@ def loaded(name: str) -> frozenset[str]:
     return frozenset(found)
 
 
-def test_errors_of_the_library_name_no_options() -> None:
-    """Whoever calls it from Python has no command line to correct."""
-    below = [m for m in MODULES if m != BARE and m.relative_to(PACKAGE).parts[0] != "commands"]
-    errors = [
-        node.exc
-        for module in below
-        for node in ast.walk(tree(module))
-        if isinstance(node, ast.Raise) and node.exc is not None
-    ]
-    parts = [part.value for error in errors for part in ast.walk(error) if isinstance(part, ast.Constant)]
-    assert [text for text in parts if isinstance(text, str) and OPTION.search(text)] == []
+#: Words that somebody at a command line has, and no caller from Python, nor whoever is sent a page.
+COMMAND_LINE = re.compile(
+    r"(?<![-\w(])--[a-z]|`lightfield [a-z]|lightfield explore\b|(the same|another) command"
+)
+OF_COMMANDS = ("commands", "cli.py", "__main__.py")
+
+
+def test_the_library_names_no_options_and_no_commands() -> None:
+    """In errors no option, however short; in no text at all a long one, or a command."""
+    found = []
+    for module in MODULES:
+        if module.relative_to(PACKAGE).parts[0] not in OF_COMMANDS:
+            nodes = [*ast.walk(tree(module))]
+            raised = [node.exc for node in nodes if isinstance(node, ast.Raise) and node.exc is not None]
+            found += [text for error in raised for text in texts(error) if OPTION.search(text)]
+            docstrings = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+            told = [node for node in nodes if id(node) not in docstrings]
+            found += [text for node in told for text in text_of(node) if COMMAND_LINE.search(text)]
+    pages = [file for end in ("js", "html") for file in PACKAGE.rglob(f"*.{end}")]
+    assert pages and found == []
+    assert [page.name for page in pages if re.search(r"lightfield explore\b", page.read_text("utf-8"))] == []
+
+
+def texts(error: ast.AST) -> list[str]:
+    """Every constant text within."""
+    return [text for node in ast.walk(error) for text in text_of(node)]
+
+
+def text_of(node: ast.AST) -> list[str]:
+    """The text that a node is, if it is one."""
+    return [node.value] if isinstance(node, ast.Constant) and isinstance(node.value, str) else []

@@ -170,7 +170,7 @@ class Rung(Record):
     chi2_per_dof: float
     held_out_percent: float | None
     parameters: dict[str, Estimate]
-    scene: str = Field(description="the fitted scene as TOML; `compare --scene` of it gives this rung again")
+    scene: str = Field(description="the fitted scene as TOML; a comparison with it gives this rung again")
     removed_percent: float | None = Field(
         None, description="share of the base model's misfit, beyond noise, that this rung removes"
     )

@@ -84,7 +84,7 @@
       values[path] = Math.min(ends[1], Math.max(ends[0], value));
       if (request.done) { past.push(before); before = null; ahead = []; }
       show(request.done);
-    } else LF.say("a saved page cannot do that: open the scene with lightfield explore");
+    } else LF.say("a saved page cannot do that: open the scene in the explorer");
   };
 
   document.body.classList.add("saved");

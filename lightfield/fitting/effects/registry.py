@@ -53,7 +53,7 @@ def _check_paths(effect: Effect, where: str) -> None:
                 f"the effect {effect.name} frees a parameter that no scene has",
                 where=where,
                 found=path,
-                remedy=did_you_mean(path, known) or "`lightfield scene` lists the parameters",
+                remedy=did_you_mean(path, known) or "`Scene.parameters` lists them",
             )
 
 

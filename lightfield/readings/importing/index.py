@@ -19,7 +19,7 @@ COLUMNS = ("file", "medium", *NUMBERS, "role", "spectrum")
 NAN = float("nan")
 _NO_INDEX = (
     "name the file of each spectrum in it; of a table with the places in it say which column is z: "
-    "--column z_m=NAME"
+    "column z_m=NAME"
 )
 
 

@@ -100,9 +100,7 @@ def _refuse_too_long(content: text.Text, where: str) -> None:
 
 def _refuse_other_files(sheet: Sheet, problems: Problems) -> None:
     """An index of instrument files, or one of these files, is no table with a few faults."""
-    remedy = (
-        "make a reading table of it: `lightfield import`, from an index that names the instrument's files"
-    )
+    remedy = "import it: make a reading table of it, from an index that names the instrument's files"
     if "file" in sheet.names and "value" not in sheet.names:
         problems.found.clear()
         problems.add("an index of instrument files", place=sheet.name_line, remedy=remedy)

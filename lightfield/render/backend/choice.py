@@ -203,7 +203,7 @@ def _start(backend: Backend) -> Backend:
         raise BackendError(
             f"Dr.Jit could not start {backend.kind}",
             found=str(backend.llvm_path or "the NVIDIA driver"),
-            remedy="run `lightfield doctor`",
+            remedy="`lightfield.render.doctor` says what is there",
         )
     dr.set_thread_count(backend.threads)
     if backend.kind != "llvm":

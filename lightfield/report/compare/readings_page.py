@@ -20,9 +20,8 @@ from lightfield.studies.compare.readings import FitReport
 
 #: How to go on where something is missing.
 WHAT_NEXT = (
-    " `lightfield diagnose` with the same readings and scene looks for what it is. `lightfield compare` with "
-    "`--with EFFECT` and the same `-o` adds a rung with an effect of your choice to this page; "
-    "`lightfield diagnose --list` names them."
+    " A diagnosis (`diagnose`) of the same readings and scene looks for what it is. Another comparison "
+    "(`compare`) into the same folder, with an effect of your choice, adds a rung to this page."
 )
 
 

@@ -207,7 +207,7 @@ def test_what_is_read_is_never_overwritten(folder: Path, wrong: str, capsys) -> 
     for file in mine:
         file.write_text(OWN)
     assert cli.main(wrong.format(f=folder).split()) == 2
-    assert "in use by the same command" in capsys.readouterr().err
+    assert "in use in the same run" in capsys.readouterr().err
     assert {file.read_text() for file in mine} == {OWN}
     assert (folder / "own/lamp.csv").read_bytes() == (folder / "mine.csv").read_bytes()
     assert (folder / "mine.csv").read_bytes() == (folder / "set/data.csv").read_bytes()

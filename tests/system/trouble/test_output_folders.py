@@ -63,7 +63,7 @@ def test_a_folder_that_another_run_writes_to_is_refused_at_once(
     with locked_folder(tmp_path):
         assert main(line.format(made=made, out=tmp_path).split()) == 2
     errors = capsys.readouterr().err
-    assert errors.count("\n") == 1 and "another command is writing to this folder" in errors
+    assert errors.count("\n") == 1 and "another program is writing to this folder" in errors
     assert list(tmp_path.iterdir()) == []
 
 

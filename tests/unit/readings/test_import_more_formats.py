@@ -239,7 +239,7 @@ def test_a_table_of_ones_own_says_all_that_is_wrong_and_what_it_leaves_aside(tmp
     assert any("'depth' does not say its unit: z_m is taken to be in m" in note for note in notes)
     with pytest.raises(MeasurementError, match="did you mean value"):
         import_index(path, **asked, columns={"z_m": "depth", "valu": "Scope"})
-    with pytest.raises(MeasurementError, match="say which column is z: --column z_m=NAME"):
+    with pytest.raises(MeasurementError, match="say which column is z: column z_m=NAME"):
         import_index(path, **asked)
 
 

@@ -157,7 +157,7 @@ BAD = {
     "a scene with a name": ('# mine\nname = "tank"\n[lamp]\n', "line 2", "taken for each other"),
     "other words": ("distance,irradiance\n1,2\n", "line 1", "rename 'distance' to z_m"),
     "medium": ("z_m,value,medium\n1,2,oil\n", "line 2", "water or air"),
-    "dark role": ("z_m,value,role\n1,2,dark\n", "line 2", "lightfield import"),
+    "dark role": ("z_m,value,role\n1,2,dark\n", "line 2", "as an import does"),
     "repeat": ("z_m,value,repeat\n1,2,1.5\n", "line 2", "0, 1, 2"),
     "saturated": ("z_m,value,saturated\n1,2,maybe\n", "line 2", "neither 0 nor 1"),
     "short row": ("z_m,value\n1,2\n1\n", "line 3", "1 cells"),

@@ -47,7 +47,7 @@ def test_a_folder_belongs_to_one_run_at_a_time_and_kill_9_gives_it_back(tmp_path
     folder = tmp_path / "results"
     with held_elsewhere(folder) as other:
         with (
-            pytest.raises(OutputError, match="results: another command is writing to this folder"),
+            pytest.raises(OutputError, match="results: another program is writing to this folder"),
             locked_folder(folder),
         ):
             pass

@@ -356,4 +356,7 @@ def test_show_draws_runs_over_parameters_and_export_says_what_does(tmp_path, cap
     assert cli.main(["show", str(store), "-o", str(tmp_path / "drawn")]) == 0
     assert (tmp_path / "drawn" / "standoff.png").stat().st_size > 1000
     assert cli.main(["export", str(store), "--exr", str(tmp_path / "exr")]) == 2
-    assert "`lightfield show` draws" in capsys.readouterr().err
+    assert (
+        "runs of a follower; rule: images are of maps; remedy: `lightfield show` draws"
+        in capsys.readouterr().err
+    )

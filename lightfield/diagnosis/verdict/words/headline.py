@@ -39,7 +39,7 @@ def words_of(v: Findings) -> Said:
     if why is None and open_:
         told = told.then(rest.sentences(v.left_over, v.misfit))
     if open_ and v.asked and (why is None or why.reason is DoubtReason.SET_ASIDE):
-        told = told.then("Other effects were not considered; without --effects all that are known are.")
+        told = told.then("Other effects were not considered; where none is chosen, all that are known are.")
     return told.then(aside.sentence(v.set_aside, v.readings, v.several_wavelengths))
 
 

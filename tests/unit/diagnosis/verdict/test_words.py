@@ -219,7 +219,8 @@ def test_what_was_not_asked_for_is_not_ruled_out() -> None:
     assert words_of(findings("none", asked=asked)).headline == (
         "No missing effect among those asked for (scattering and beam tilt) detectable."
     )
-    assert "--effects" in open_.sentence and "--effects" not in words_of(findings("unexplained")).sentence
+    words = "Other effects were not considered"
+    assert words in open_.sentence and words not in words_of(findings("unexplained")).sentence
 
 
 def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:
