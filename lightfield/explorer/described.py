@@ -13,6 +13,7 @@ from lightfield.explorer.fits import Fits, Fitted, Goodness
 from lightfield.explorer.state import State
 from lightfield.fitting.effects.registry import effect_name
 from lightfield.fitting.parameter import FitParameter, is_gain
+from lightfield.wording import plain
 
 #: A slider of what is found on a logarithmic scale goes to so many times the fitted value, and down alike.
 _AROUND = 4.0
@@ -141,13 +142,13 @@ def label_of(path: str) -> str:
         if rest.endswith(ending) and rest != ending:
             rest = rest.removesuffix(ending)
             break
-    rest = {"hwhm": "half width", "phase.g": "phase g"}.get(rest, rest).replace("_", " ").replace(".", " ")
+    rest = plain({"hwhm": "half width", "phase.g": "phase g"}.get(rest, rest)).replace(".", " ")
     return f"{'own ' if part == 'effect' else ''}{rest}"
 
 
 def effects_in_words(effects: Iterable[str]) -> str:
     """Effects "effect:form" for people."""
-    return " + ".join(effect_name(key).replace("_", " ") for key in effects)
+    return " + ".join(plain(effect_name(key)) for key in effects)
 
 
 def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) -> Goodness:

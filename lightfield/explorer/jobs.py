@@ -18,6 +18,7 @@ from lightfield.render.maps import render_scene
 from lightfield.report.diagnosis.drawn import view_of
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
+from lightfield.wording import plain
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def _keys(effects: Sequence[str], forms: Sequence[str]) -> list[str]:
 
 
 def _named(effects: Iterable[str]) -> str:
-    return " + ".join(name.replace("_", " ") for name in effects)
+    return " + ".join(plain(name) for name in effects)
 
 
 def compared(scene: Scene, tell: Tell) -> str:

@@ -26,6 +26,7 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.scene.listed import OWN_FIELD
 from lightfield.scene.tank import OPENS_THE_TOP
+from lightfield.wording import plain
 
 
 @dataclass
@@ -225,9 +226,9 @@ class Session:
             # Against the render nothing is fitted: what the scene has is worth what it costs to leave it out.
             self.fits.explanation(effects)
             values = self._usual(key) | dict(self.now.values)
-            self.history.add(State(effects, values, f"{name.replace('_', ' ')} {'on' if on else 'off'}"))
+            self.history.add(State(effects, values, f"{plain(name)} {'on' if on else 'off'}"))
             return
-        word = f"{name.replace('_', ' ')} {'on' if on else 'off'}"
+        word = f"{plain(name)} {'on' if on else 'off'}"
         self._rungs(effects)
         fitted = self._fitted(effects)
         self.history.add(State(effects, {**self.now.values, **fitted.values}, f"{word}, fitted"))

@@ -15,6 +15,7 @@ from lightfield.arrays import Array, evenly
 from lightfield.maps.exr import write_rgb_exr
 from lightfield.render.picture import Picture, exposure, tone_mapped
 from lightfield.report.style import MUTED, NARROW, SHORT_UNITS, extent_of, figure, save_pixels
+from lightfield.wording import plain
 
 DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
@@ -60,7 +61,7 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
             axis.set_xlabel("x (m)")
         bar = fig.colorbar(shown, ax=axes, extend="min", pad=0.015, aspect=20)
         unit = dataset[quantity].attrs["units"]
-        bar.set_label(f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}", fontsize=9)
+        bar.set_label(f"{plain(quantity)}, {SHORT_UNITS.get(unit, unit)}", fontsize=9)
         words = ["Contours: 50 %, 10 % and 1 % of the plane's maximum"]
         for shown_, there, name in (
             (len(planes), dataset.sizes["z_m"], "planes"),

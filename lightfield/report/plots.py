@@ -31,6 +31,7 @@ from lightfield.report.style import (
 )
 from lightfield.studies.compare.maps import PlaneComparison
 from lightfield.studies.compare.rings import SIGMAS
+from lightfield.wording import plain
 
 #: Lines that a drawing can show apart.
 LINES = len(SERIES)
@@ -67,7 +68,7 @@ def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: fl
         plain_log_axis(ax.yaxis)
     else:
         ax.set_ylim(0, 1.18 * most)
-    ax.set_xticks(range(len(error)), [rung.label.replace("_", " ") for rung in ladder])
+    ax.set_xticks(range(len(error)), [plain(rung.label) for rung in ladder])
     ax.set_xlim(-0.4, len(error) - 0.4)
     ax.legend()
     label(ax, "", "rms error (%)", "Error of the model")
@@ -88,7 +89,7 @@ def plot_distances(ax: Axes | None, names: Sequence[str], sigma: Array, sure: fl
             ax.text(
                 k, j, f"{value:.0f}" if value < 99 else ">99", ha="center", va="center", color=ink, fontsize=7
             )
-    words = [name.replace("_", " ") for name in names]
+    words = [plain(name) for name in names]
     ax.set_xticks(range(n), words, rotation=60, ha="right", rotation_mode="anchor", fontsize=8)
     ax.set_yticks(range(n), words, fontsize=8)
     ax.grid(False)
@@ -103,7 +104,7 @@ def plot_map(ax: Axes | None, plane: xr.Dataset) -> Axes:
     light = plane[quantity]
     image = light_map(ax, plane.x_m.values, plane.y_m.values, light.values, float(np.nanmax(light.values)))
     unit = light.attrs["units"]
-    words = f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}"
+    words = f"{plain(quantity)}, {SHORT_UNITS.get(unit, unit)}"
     ax.figure.colorbar(image, ax=ax, extend="min", label=words)
     label(ax, "x (m)", "y (m)", f"z = {float(plane.z_m):g} m, {float(plane.wavelength_nm):g} nm")
     return ax
@@ -127,7 +128,7 @@ def plot_positions(ax: Axes | None, places: xr.Dataset) -> Axes:
         places.z_m.values, value.values, np.where(np.isfinite(error), error, 0), fmt="o", color=RENDER
     )
     ax.set_yscale("log")
-    label(ax, "z (m)", f"{quantity.replace('_', ' ')}, {SHORT_UNITS.get(unit, unit)}")
+    label(ax, "z (m)", f"{plain(quantity)}, {SHORT_UNITS.get(unit, unit)}")
     return ax
 
 
@@ -167,7 +168,7 @@ def plot_readings(ax: Axes | None, readings: Readings) -> Axes:
         ax.set_yscale("log")
     if len(media) > 1:
         ax.legend()
-    what = readings.quantity.replace("_", " ") or "value"
+    what = plain(readings.quantity) or "value"
     label(ax, "distance from the lamp (m)", f"{what} ({readings.units or readings.scale})", "Readings")
     return ax
 
@@ -233,7 +234,7 @@ def plot_sweep(ax: Axes | None, data: xr.Dataset, axes: Sequence[str], name: str
         assert value is not None
         lines["" if hue is None else f"{hue} = {data[hue].values[step]}"] = (value, error)
     unit = data[name].attrs.get("units", "1")
-    ax = plot_lines(ax, at, lines, (along, "" if unit == "1" else unit, name.replace("_", " ")))
+    ax = plot_lines(ax, at, lines, (along, "" if unit == "1" else unit, plain(name)))
     if x.dtype.kind not in "fi":
         ax.set_xticks(at, [str(v) for v in x])
     return ax

@@ -12,6 +12,7 @@ from matplotlib.patches import Patch
 from lightfield.arrays import Array
 from lightfield.report.style import MUTED, NARROW, WIDTH, figure, label
 from lightfield.studies.regime import ERRORS, undecided
+from lightfield.wording import minus
 
 #: From blue to orange, light enough for dark numbers: told apart by those who see no red and green.
 COLOURS = ("#6ea6d8", "#c3dbef", "#f3dd9b", "#e2905a")
@@ -42,11 +43,10 @@ def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
             label(axis, "", "albedo b / c", str(receiver)[:1].upper() + str(receiver)[1:])
         axes[-1].set_xlabel("optical thickness c z")
         colours_named(fig, narrow)
-        title = "Error of Gaussian × inverse square × Beer-Lambert on the axis, in %"
+        gap, then = ("\n", "\n") if narrow else (" ", "; ")
+        title = f"Error of Gaussian × inverse square × Beer-Lambert{gap}on the axis, in %"
         if undecided(error, stderr).any():
-            title += "; ?: noise leaves the colour open"
-        if narrow:
-            title = title.replace("Beer-Lambert ", "Beer-Lambert\n").replace("; ?", "\n?")
+            title += f"{then}?: noise leaves the colour open"
         fig.suptitle(title, x=0.01, ha="left", fontsize=9.5, color=MUTED)
     return fig
 
@@ -84,7 +84,7 @@ def percent_text(error: float, whole: bool = False) -> str:
         return "–"
     value = 100 * error
     if whole and abs(value) >= 0.5:
-        return f"{max(value, -99.0):.0f}".replace("-", "\N{MINUS SIGN}")
+        return minus(f"{max(value, -99.0):.0f}")
     if abs(value) < 0.05:
         return "0"
     text = (
@@ -94,4 +94,4 @@ def percent_text(error: float, whole: bool = False) -> str:
         if value > -99.5
         else f"{max(value, -99.9):.1f}"
     )
-    return text.replace("-", "\N{MINUS SIGN}")
+    return minus(text)

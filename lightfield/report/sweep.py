@@ -26,6 +26,7 @@ from lightfield.report.style import (
 )
 from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.results import axes_of
+from lightfield.wording import plain
 
 MOST_LINES, MOST_TILES, FEW_TILES = 6, 5, 2
 
@@ -50,7 +51,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     middle = held.sizes[_plane(held)] // 2
     plane = _plane(held)
     panels = {
-        f"on_axis_{quantity}": f"{_sentence(quantity.replace('_', ' '))} on the axis",
+        f"on_axis_{quantity}": f"{_sentence(plain(quantity))} on the axis",
         "half_width_m": "Half width of the spot",
         "plane_power": "Integral over the plane",
         "formula_error_on_axis": "Error of the formula on the axis",
@@ -165,7 +166,7 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
         where = "bottom" if narrow else "right"
         bar = fig.colorbar(shown, ax=axes, shrink=0.8, aspect=30, location=where)
         unit = held[quantity].attrs["units"]
-        bar.set_label(f"{quantity.replace('_', ' ')} ({SHORT_UNITS.get(unit, unit)})", fontsize=9)
+        bar.set_label(f"{plain(quantity)} ({SHORT_UNITS.get(unit, unit)})", fontsize=9)
         fig.supxlabel(f"columns: {_axis_name(held, along)}", fontsize=9.5)
         fig.supylabel(f"rows: {_axis_name(held, up)}", fontsize=9.5)
         inside = "panels: x to the right and y up, m" if shape else ""

@@ -10,13 +10,14 @@ from lightfield.diagnosis.expected import ABOUT, HEAD, Together
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page
 from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, NARROW, WIDTH, figure, label, percent_axis
+from lightfield.wording import plain
 
 _SHADES = {"certain": GOOD, "simplest": GOOD, "perhaps": FORMULA, "no": BAD, "not seen": MUTED}
 
 
 def chances_figure(made: Together, narrow: bool = False) -> Figure:
     """A bar for every effect: the chance that it is certain, and beyond it that it is the simplest."""
-    names = [one.effect.replace("_", " ") for one in made.expected]
+    names = [plain(one.effect) for one in made.expected]
     with figure(NARROW if narrow else WIDTH, 1.1 + 0.42 * len(names)) as fig:
         axes = fig.subplots()
         for k, one in enumerate(made.expected):

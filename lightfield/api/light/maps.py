@@ -17,6 +17,7 @@ from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
 from lightfield.render.at_readings import render_positions
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
+from lightfield.wording import plain
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,7 +63,7 @@ class Maps(Result[xr.Dataset]):
         )
         error = data.attrs.get("reached_relative_error")
         known = "" if error is None else f", relative error {float(f'{100 * float(error):.2g}'):g} %"
-        return f"{self.quantity.replace('_', ' ')} on {places} at {colours}{known}"
+        return f"{plain(self.quantity)} on {places} at {colours}{known}"
 
     def _relative_error(self) -> np.ndarray:
         value, stderr = (self.details[name].values for name in (self.quantity, f"{self.quantity}_stderr"))

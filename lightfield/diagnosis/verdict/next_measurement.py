@@ -8,7 +8,8 @@ from enum import Enum
 from pydantic import Field, computed_field
 
 from lightfield.diagnosis.verdict.parts import Kind, Misfit, PlaceToRead, Record, SetAside
-from lightfield.diagnosis.verdict.speech import join, place, plain
+from lightfield.diagnosis.verdict.speech import join, place
+from lightfield.wording import plain
 
 #: So often a reading that was set aside is to be repeated: once could be another slip.
 REPEATS = 3

@@ -43,6 +43,11 @@ class Reason(_Word):
     UNDETERMINED = "undetermined"
     TOO_WIDE = "undetermined: error wider than the allowed range"
 
+    @property
+    def short(self) -> Reason:
+        """The same without its cause."""
+        return Reason.UNDETERMINED if self is Reason.TOO_WIDE else self
+
 
 class Estimate(Record):
     """A fitted number."""

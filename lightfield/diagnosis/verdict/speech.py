@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
 from lightfield.diagnosis.verdict.parts import Estimate, PlaceToRead, SetAside
+from lightfield.wording import plain
 
 #: Units of the coordinates that a misfit depends on, or that readings set aside share.
 UNITS = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}
@@ -42,11 +43,6 @@ class Said:
     def then(self, more: str) -> Said:
         """The same with one more support, unless that is empty."""
         return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
-
-
-def plain(name: str) -> str:
-    """An effect's name for people."""
-    return "CDOM" if name == "cdom" else name.replace("_", " ")
 
 
 def capital(text: str) -> str:

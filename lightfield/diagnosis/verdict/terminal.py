@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect
-from lightfield.diagnosis.verdict.speech import join, place, plain
+from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
 from lightfield.diagnosis.verdict.words.effects import called, effect_size, level
 from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.parameter import is_gain
+from lightfield.wording import plain
 
 #: Explanations, and readings set aside, that a terminal is shown.
 _SHOWN, _LISTED = 8, 20

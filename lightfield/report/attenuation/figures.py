@@ -21,6 +21,7 @@ from lightfield.report.style import (
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Content
+from lightfield.wording import minus
 
 #: Errors that are smaller are told with two decimals.
 SMALL_PERCENT = 0.1
@@ -96,7 +97,7 @@ def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
         stays = 100 * e.beta[: len(r.stay_stderr)]
         decimals = 1 if np.abs(stays).max() >= SMALL_PERCENT else 2
         for k, value in enumerate(stays):
-            told = f"{value:+.{decimals}f} %".replace("-", "\N{MINUS SIGN}")
+            told = minus(f"{value:+.{decimals}f} %")
             lower.annotate(
                 told, (r.path_m[r.stay == k].mean(), 0.97), ha="center", va="top",
                 xycoords=("data", "axes fraction"), fontsize=8.5, color=FORMULA,

@@ -20,6 +20,7 @@ from lightfield.studies.attenuation.text import (
     table_head,
     table_rows,
 )
+from lightfield.wording import plain
 
 
 def attenuation_page(found: Attenuation) -> str:
@@ -68,7 +69,7 @@ def _content(found: Content) -> Section:
 
 
 def _apparent(one: Apparent, number: int) -> Section:
-    quantity = str(one.ratios.scene.detector.quantity).replace("_", " ")
+    quantity = plain(str(one.ratios.scene.detector.quantity))
     rows, there = table_rows(one), len(one.K_per_m)
     cut = f" {len(rows)} of {there} wavelengths; the figure above shows all." if len(rows) < there else ""
     grey = " Grey: the wavelengths of what was published of this water." if one.ratios.published else ""

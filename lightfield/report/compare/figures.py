@@ -29,6 +29,7 @@ from lightfield.report.style import (
 )
 from lightfield.studies.compare.maps import PlaneComparison
 from lightfield.studies.compare.rings import ERROR_LEVELS, SIGMAS
+from lightfield.wording import plain
 
 MOST_PLANES, MOST_NARROW = 5, 3
 FLAT = 0.6  # height over width under which a panel has no room beside it for words
@@ -57,7 +58,7 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
             light, error = _plane_maps(axes[:, column], plane, right=flat and not narrow)
         _name_maps(axes, narrow, flat)
         bar, other = _colour_bars(fig, axes, light, error, narrow, flat)
-        bar.set_label(f"{quantity.replace('_', ' ')}, 100 % in {SHORT_UNITS.get(units, units)}", fontsize=9)
+        bar.set_label(f"{plain(quantity)}, 100 % in {SHORT_UNITS.get(units, units)}", fontsize=9)
         other.set_label("error of the formula", fontsize=9)
         drawn = f"{n} of {there} planes. " if n < there else ""
         gap = "\n" if narrow else " "
@@ -91,9 +92,10 @@ def _plane_maps(axes: Any, plane: PlaneComparison, right: bool) -> tuple[AxesIma
 
 def _name_maps(axes: Any, narrow: bool, flat: bool) -> None:
     """What a row of maps shows (a column, where the figure is narrow), and lengths along their edges."""
-    for row, name in enumerate(("render", "formula", "formula / render \N{MINUS SIGN} 1")):
+    over = "/" if narrow else " / "
+    for row, name in enumerate(("render", "formula", f"formula{over}render \N{MINUS SIGN} 1")):
         if narrow:
-            axes[row, -1].set_xlabel(f"x (m)\n{name.replace(' / render', '/render')}", fontsize=8.5)
+            axes[row, -1].set_xlabel(f"x (m)\n{name}", fontsize=8.5)
         elif flat:  # no room for words beside a low panel
             axes[row, 0].annotate(name, (0, 1.06), xycoords="axes fraction", fontsize=8.5, color=MUTED)
         else:

@@ -16,6 +16,7 @@ from lightfield.report.page import fill, page_figure, three_digits, write_page
 from lightfield.report.style import SHORT_UNITS, save_png
 from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
 from lightfield.studies.compare.rings import BEYOND, ERROR_LEVELS
+from lightfield.wording import minus, plain
 
 HEAD = (
     "z (m)",
@@ -212,7 +213,7 @@ def plus_minus(value: float, stderr: float, unit: str = "", sign: bool = False) 
     else:
         text = f"{both.value:{plus}.{both.decimals}f} ± {both.stderr:.{both.decimals}f}"
         text = f"({text})e{both.power}" if both.power else text
-    return f"{text}{unit}".replace("-", "\N{MINUS SIGN}")
+    return minus(f"{text}{unit}")
 
 
 def concise(value: float, stderr: float) -> str:
@@ -222,7 +223,7 @@ def concise(value: float, stderr: float) -> str:
         return plus_minus(value, stderr)
     digits = round(both.stderr * 10**both.decimals)
     power = f"e{both.power}" if both.power else ""
-    return f"{both.value:.{both.decimals}f}({digits}){power}".replace("-", "\N{MINUS SIGN}")
+    return minus(f"{both.value:.{both.decimals}f}({digits}){power}")
 
 
 def _radius(plane: PlaneComparison, level: float) -> str:
@@ -235,4 +236,4 @@ def _radius(plane: PlaneComparison, level: float) -> str:
 
 
 def _quantity(comparison: Comparison) -> str:
-    return comparison.quantity.replace("_", " ").capitalize()
+    return plain(comparison.quantity).capitalize()

@@ -76,13 +76,17 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
 
 
 def _ladder(rungs: Sequence[Rung], floor: float | None) -> Section:
+    below = [  # what lies below an axis has a line for each effect
+        rung.model_copy(update={"label": "\n".join(f"+ {name}" for name in rung.effects) or rung.label})
+        for rung in rungs
+    ]
     return Section(
         "The error, rung by rung",
         figures=[
             page_figure(
                 "ladder",
                 "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
-                "Error of each rung against the noise floor", ladder_figure, rungs, floor,
+                "Error of each rung against the noise floor", ladder_figure, below, floor,
             )
         ],
         tables=[

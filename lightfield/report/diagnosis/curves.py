@@ -11,6 +11,7 @@ from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.speech import UNITS
 from lightfield.fitting.fitted_curves import PLACES, FittedCurve
 from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH, figure, label, percent_axis
+from lightfield.wording import plain
 
 DASHED = (0, (5, 2))
 #: Bands are drawn so wide, in standard errors.
@@ -78,7 +79,7 @@ def left_figure(left: Sequence[LeftOver], narrow: bool = False) -> Figure:
             axes.plot(one.at, factor, color=RENDER, label="with the unknown")
             axes.axhline(1, color=MUTED, linewidth=0.8)
             percent_axis(axes.yaxis)
-            what = f"{one.name.replace('_', ' ')}: {one.removed_percent:.0f} % of what is left"
+            what = f"{plain(one.name)}: {one.removed_percent:.0f} % of what is left"
             label(axes, f"{one.coordinate} ({UNITS[one.coordinate]})", "light that is left", what)
         # Where the readings do not tell a parameter the band would leave nothing to be seen of the rest.
         reach = 1 + _REACH * max(np.abs(np.array([*one.factor, *one.read]) - 1).max() for one in shown)

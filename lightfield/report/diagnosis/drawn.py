@@ -29,10 +29,6 @@ _VISIBLE_SIGMA = 3.0
 _UNSEEN, _UNSEEN_PART = 0.05, 0.002
 
 
-def _label(names: tuple[str, ...]) -> str:
-    return " + ".join(names)
-
-
 def _separations(found: Diagnosis) -> Separation | None:
     """Distances between the accepted explanations and the best of the others."""
     finding, problem = found.finding, found.prepared.problem
@@ -59,7 +55,7 @@ def _separations(found: Diagnosis) -> Separation | None:
         return separation(problem, whiten, one.fit, other, phi, left).separation_sigma
 
     sigma = np.array([[between(one, other) for other in chosen] for one in chosen])
-    return Separation([_label(c.names) for c in chosen], sigma)
+    return Separation([c.names for c in chosen], sigma)
 
 
 def linear(truth: Fit, rival: Fit) -> float:
@@ -103,7 +99,7 @@ def view_of(found: Diagnosis) -> DiagnosisView:
             for k, step in enumerate(found.steps)
         ],
         verdict,
-        [Signature(_label(t.names), t.fit.prediction - base) for t in finding.accepted],
+        [Signature(" + ".join(t.names), t.fit.prediction - base) for t in finding.accepted],
         _separations(found),
         found.forward.scene.tank,
         stated_width_deg(found.scene.lamp),

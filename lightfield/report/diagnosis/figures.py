@@ -26,6 +26,7 @@ from lightfield.report.style import (
     figure,
     label,
 )
+from lightfield.wording import minus, plain
 
 MOST_PANELS, MOST_NARROW = 5, 3
 #: Inches of a figure on a telephone: its letters are those of the page there.
@@ -109,9 +110,7 @@ def _linear_over_noise(axis: Axes) -> None:
 def _label_decades(axis: Axes) -> None:
     axis.yaxis.set_major_locator(FixedLocator([sign * value for sign in (-1, 1) for value in _DECADES]))
     axis.yaxis.set_minor_locator(NullLocator())
-    axis.yaxis.set_major_formatter(
-        FuncFormatter(lambda value, _: f"{value:g}".replace("-", "\N{MINUS SIGN}"))
-    )
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: minus(f"{value:g}")))
 
 
 def _largest_misfit(view: ReadingsView) -> float:
@@ -272,7 +271,7 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
                     linestyle="none" if view.is_scattered else STYLES[k % len(STYLES)],
                     marker=MARKS[k % len(MARKS)] if view.is_scattered else None,
                     markersize=3.5,
-                    label=spaced(signature.label),
+                    label=plain(signature.label),
                 )
             axis.grid(False, axis="y")
             across = "r (m), from the axis" if view.is_scattered else AXIS_NAMES[view.scan_axis]
@@ -310,7 +309,3 @@ def _sorted(view: ReadingsView, group: Group) -> tuple[np.ndarray, np.ndarray, n
     order = np.argsort(at, kind="stable")
     rows = group.rows[order]
     return at[order], rows, view.readings.left_out[rows]
-
-
-def spaced(text: str) -> str:
-    return text.replace("_", " ")

@@ -12,10 +12,11 @@ from matplotlib.patches import Rectangle
 from lightfield.arrays import Array
 from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA
 from lightfield.diagnosis.verdict.parts import Rung
-from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW, spaced
+from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW
 from lightfield.report.diagnosis.view import Separation
 from lightfield.report.page import three_digits
 from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.wording import plain
 
 SURE_SIGMA = 6.0
 #: Rungs whose errors lie farther apart than this are drawn on a logarithmic axis.
@@ -54,7 +55,7 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
                 )  # fmt: skip
         floor = [] if noise_floor_percent is None else [noise_floor_percent]
         _over_all(axis, np.concatenate([error[shown], held_out[np.isfinite(held_out)], floor]))
-        names = [_wrapped(rung.label) for rung in ladder]
+        names = [plain(rung.label) for rung in ladder]
         if narrow and len(ladder) > MOST_NARROW:
             axis.set_xticks(at, names, rotation=60, ha="right", rotation_mode="anchor")
         else:
@@ -91,7 +92,7 @@ def _over_all(axis: Axes, percent: Array) -> None:
 def separation_figure(separation: Separation, narrow: bool = False) -> Figure:
     """How far the explanations are apart; under three sigma they cannot be told apart."""
     k = len(separation.names)
-    names = [_wrapped(name) for name in separation.names]
+    names = ["\n+ ".join(map(plain, effects)) for effects in separation.names]
     above = names
     if narrow:  # columns by the numbers of rows
         names, above = [f"{n}  {name}" for n, name in enumerate(names, 1)], [str(n + 1) for n in range(k)]
@@ -126,7 +127,3 @@ def separation_figure(separation: Separation, narrow: bool = False) -> Figure:
         axis.tick_params(length=0)
         label(axis, "imitated by", "true", "")
     return fig
-
-
-def _wrapped(text: str) -> str:
-    return spaced(text).replace(" + ", "\n+ ")

@@ -28,13 +28,13 @@ from lightfield.report.diagnosis.figures import (
     data_figure,
     residual_map,
     signature_figure,
-    spaced,
 )
 from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView
 from lightfield.report.page import PageFigure, fill, page_figure, three_digits
 from lightfield.report.tank import tank_figure
+from lightfield.wording import plain
 
 TAGS = {
     "none": ("good", "nothing missing"),
@@ -78,8 +78,8 @@ def diagnosis_page(view: DiagnosisView) -> str:
         next_sentence=what_next(verdict.verdict, advice),
         spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],
         limits=[_limit(name, each) for name, each in verdict.detection_limits.items() if each.within_range],
-        unseen=[spaced(name) for name, each in verdict.detection_limits.items() if not each.within_range],
-        untestable=[(spaced(name), reason) for name, reason in verdict.untestable.items()],
+        unseen=[plain(name) for name, each in verdict.detection_limits.items() if not each.within_range],
+        untestable=[(plain(name), reason) for name, reason in verdict.untestable.items()],
         stated=stated_lines(verdict.stated),
         assumed=verdict.assumed,
         warnings=[text for text in verdict.warnings if text not in verdict.check_first],
@@ -212,7 +212,7 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     ]
     less = ["–"] * 4 if one.without_it is None else _light(one.without_it)
     return {
-        "effect": spaced(one.effect),
+        "effect": plain(one.effect),
         "level": short_level(one),
         "kind": "good" if one.level in ("certain", "simplest") else "open",
         "instead": instead(one) or "–",
@@ -233,7 +233,7 @@ def _rung(rung: Rung) -> list[str]:
     if rendered is not None and rung.rendered_stderr_percent:
         fresh += f" ± {rung.rendered_stderr_percent:.1g}"
     return [
-        spaced(rung.label),
+        plain(rung.label),
         _optional(rung.error_percent),
         _percent(rung.chi2_per_dof),
         _optional(rung.held_out_percent),
@@ -255,7 +255,7 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")
     return {
-        "effects": " + ".join(spaced(name) for name in each.effects),
+        "effects": " + ".join(plain(name) for name in each.effects),
         "weight": f"{each.weight:.2f}",
         "error": _optional(each.error_percent),
         "held_out": _optional(each.held_out_percent),
@@ -266,13 +266,13 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
 def _rival(rival: NearestRival | None) -> str:
     if rival is None:
         return ""
-    names = " + ".join(spaced(name) for name in rival.effects)
+    names = " + ".join(plain(name) for name in rival.effects)
     return f"The nearest other explanation, {names}, is {rival.separation_sigma:.1f} sigma away."
 
 
 def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
     limit = in_unit(f"{each.value:.2g}", each.unit)
-    return {"effect": spaced(name), "parameter": each.parameter, "limit": limit}
+    return {"effect": plain(name), "parameter": each.parameter, "limit": limit}
 
 
 def _optional(value: float | None, digits: int = 3) -> str:

@@ -12,6 +12,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.scene import Tank
+from lightfield.wording import plain
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Prediction:
     @property
     def name(self) -> str:
         """The label for people."""
-        return self.label.replace("_", " ")
+        return plain(self.label)
 
     @property
     def short_name(self) -> str:
@@ -62,12 +63,13 @@ class Separation:
 
     Parameters
     ----------
-    names : sequence of str, length k
+    names : sequence, length k
+        The effects of each.
     sigma : array, shape (k, k)
         [j, k]: distance of j, as fitted, from the nearest readings that k can produce.
     """
 
-    names: Sequence[str]
+    names: Sequence[Sequence[str]]
     sigma: Array
 
 

@@ -14,6 +14,7 @@ from lightfield.scene.in_tank import follower_in
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
+from lightfield.wording import plain
 
 #: Metrics of the table, beside those of docking.
 SHOWN = (
@@ -30,7 +31,7 @@ def following_page(found: Following) -> str:
     docking = any(one.mission.task == "dock" for one in cases)
     names = [name for name in (*OF_DOCKING, *SHOWN) if any(name in one.runs for one in cases)]
     names += [name for name in ON_OCCASION if any(_matters(one, name) for one in cases)]
-    rows = [[f"{n.replace('_', ' ')} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
+    rows = [[f"{plain(n)} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
     count = len(first.track.contact)
     cut = f" The first {MOST_ROWS} of {len(cases)} followers." if len(cases) > MOST_ROWS else ""
     sections = [
@@ -61,7 +62,7 @@ def following_page(found: Following) -> str:
                     cases,
                 )
             ],
-            text=["; ".join(f"{n.replace('_', ' ')}: {METRICS[n][1]}" for n in names) + "."],
+            text=["; ".join(f"{plain(n)}: {METRICS[n][1]}" for n in names) + "."],
             tables=[
                 Table(
                     "Mean of the runs ± scatter from run to run.",
@@ -80,8 +81,7 @@ def following_page(found: Following) -> str:
     ]
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
-    verdict = found.verdict.replace("+-", "±") + "."
-    return page(title, verdict, lead, sections, first.scene, origin)
+    return page(title, f"{found.told('±')}.", lead, sections, first.scene, origin)
 
 
 def follow_sweep_page(data: xr.Dataset) -> str:
@@ -111,7 +111,7 @@ def follow_sweep_page(data: xr.Dataset) -> str:
                 )
             ],
             f"Mean of {runs} runs ± its standard error.",
-            [", ".join(axes), *(f"{n.replace('_', ' ')} ({METRICS[n][0]})" for n in shown)],
+            [", ".join(axes), *(f"{plain(n)} ({METRICS[n][0]})" for n in shown)],
             rows,
         )
     ]  # fmt: skip

@@ -11,6 +11,7 @@ from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy, told_bias
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import is_told
 from lightfield.studies.follower.sequence import Poses
+from lightfield.wording import minus
 
 #: Samples that a table shows.
 MOST_ROWS = 40
@@ -24,7 +25,7 @@ def bias_page(study: BiasStudy) -> str:
         for name in axis.calibration.values:
             one = axis.sel(scattering_per_m=b, calibration=name)
             cells = [
-                f"{1e3 * v:+.0f} ± {1e3 * s:.0f} ± {1e3 * t:.0f}".replace("-", "\N{MINUS SIGN}")
+                minus(f"{1e3 * v:+.0f} ± {1e3 * s:.0f} ± {1e3 * t:.0f}")
                 if is_told("z", max(abs(v), s))
                 else "not determined"
                 for v, s, t in zip(one.bias_z.values, one.sigma_z.values, one.trace_z.values, strict=True)

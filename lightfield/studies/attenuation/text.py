@@ -18,6 +18,7 @@ from lightfield.studies.attenuation.study import (
     beer_lambert_is_off,
     only_without_grey,
 )
+from lightfield.wording import minus
 
 #: So many colours are printed, in a terminal and on a page; the data hold all.
 SHOWN = 12
@@ -277,7 +278,7 @@ def published_sentences(one: Apparent) -> list[str]:
             lines.append(
                 f"Published between {low:g} and {high:g} nm: K = {K:g} per m, "
                 f"{100 * -np.expm1(-K):.1f} % per metre; here {mean:.4f} ± {error:.4f} per m, "
-                f"{(mean - K) / error:+.1f} standard errors away.".replace("-", "\N{MINUS SIGN}")
+                f"{minus(f'{(mean - K) / error:+.1f}')} standard errors away."
             )
     return lines
 

@@ -19,6 +19,7 @@ from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimator, Pose
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracked, Tracker
+from lightfield.wording import minus
 
 #: Random starts that look for rivals of the first pose.
 RIVAL_STARTS = 32
@@ -97,10 +98,10 @@ class Poses:
         time, pose, total = seen[-1]
         at = f"At {time:.1f} s " if len(self.estimates) > 1 else ""
         told = " and ".join(
-            f"{value:.2f} ± {total.sigma[name]:.2f} m {where}"
+            f"{minus(f'{value:.2f}')} ± {total.sigma[name]:.2f} m {where}"
             for name, value, where in (("z", pose[2], "along the beam"), ("x", pose[0], "aside"))
         )
-        return f"{at}{told}. ".replace("-", "\N{MINUS SIGN}")
+        return f"{at}{told}. "
 
     @property
     def lost(self) -> int:

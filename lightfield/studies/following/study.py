@@ -25,6 +25,7 @@ from lightfield.studies.following.loop import Track, run_loop
 from lightfield.studies.following.metrics import METRICS, OverRuns, metrics_of
 from lightfield.studies.following.truth_and_belief import densest_per_m, light_of_mission
 from lightfield.studies.one_number import refuse_several
+from lightfield.wording import plain
 
 #: In words, what a follower believes.
 BELIEFS = {
@@ -107,6 +108,10 @@ class Followed:
     @property
     def verdict(self) -> str:
         """One sentence."""
+        return self.told("+-")
+
+    def told(self, between: str) -> str:
+        """The verdict, with this sign between a value and its scatter."""
         found, mission = self.spreads, self.mission
         believes = f"{self.name}: a follower that believes {self.believed}"
         count = len(self.track.contact)
@@ -119,7 +124,7 @@ class Followed:
             return f"{believes} {how}"
         z = found["standoff_at_end" if mission.turbid_factor != 1 or mission.dark_for_s else "standoff"]
         off = z.mean - mission.standoff_m
-        stands = f"{believes} stands at {_pm(z)} m where {mission.standoff_m:g} m was asked"
+        stands = f"{believes} stands at {_pm(z, between)} m where {mission.standoff_m:g} m was asked"
         if self.through_walls:
             return f"{stands}, and drives through a wall of the tank in {self.through_walls} of {count} runs"
         if found["outside"].mean > 0:
@@ -180,7 +185,7 @@ class Followed:
                 text = f"{_pm(one)} {unit}"
                 if np.isfinite(one.error):
                     text += f" (mean +- {one.error:.2g})"
-            lines.append(f"  {name.replace('_', ' '):<18} {text:<32} {meaning}")
+            lines.append(f"  {plain(name):<18} {text:<32} {meaning}")
         return "\n".join(lines)
 
     def dataset(self) -> xr.Dataset:
@@ -230,14 +235,18 @@ class Following:
     @property
     def verdict(self) -> str:
         """One sentence for all."""
+        return self.told("+-")
+
+    def told(self, between: str) -> str:
+        """The verdict, with this sign between a value and its scatter."""
         first = self.cases[0].mission
         if len(self.cases) == 1 or first.task == "dock":
-            return ". ".join(one.verdict for one in self.cases)
+            return ". ".join(one.told(between) for one in self.cases)
         parts = []
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
             alike = [one for one in self.cases if one.mission.believes == believes]
             stands = ", ".join(
-                f"{_pm(one.spreads['standoff_at_end'])} m ({one.name}"
+                f"{_pm(one.spreads['standoff_at_end'], between)} m ({one.name}"
                 f"{', through a wall of the tank' if one.through_walls else ''})"
                 for one in alike
             )
@@ -338,11 +347,11 @@ def with_belief(scene: Scene, believes: str) -> Scene:
     return scene
 
 
-def _pm(one: OverRuns) -> str:
+def _pm(one: OverRuns, between: str = "+-") -> str:
     if not np.isfinite(one.scatter):
         return f"{one.mean:.3g}"
     digits = int(np.clip(2 - np.floor(np.log10(one.scatter)) - 1, 0, 4)) if one.scatter > 0 else 2
-    return f"{one.mean:.{digits}f} +- {one.scatter:.{digits}f}"
+    return f"{one.mean:.{digits}f} {between} {one.scatter:.{digits}f}"
 
 
 def _listed(values: Array) -> list[list[float | None]]:

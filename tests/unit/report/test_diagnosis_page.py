@@ -126,7 +126,7 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
         predictions=predictions,
         signatures=signatures[: len(verdict["explanations"])],
         separation=Separation(
-            ["scattering", "beam_skirt", "wall_reflection", "background"],
+            [["scattering"], ["beam_skirt"], ["wall_reflection"], ["background"]],
             np.array([[0, 1.8, 6.2, 14.0], [1.7, 0, 5.1, 11.2], [6.0, 5.2, 0, 140.0], [12.0, 10.0, 90.0, 0]]),
         )
         if found

@@ -23,7 +23,7 @@ def test_distances_that_are_drawn_are_those_of_fits_to_the_end() -> None:
     for one in seen.predictions:
         assert one.effects == sum(word == "+" for word in one.label.split())
     finding, problem = found.finding, found.prepared.problem
-    by_name = {" + ".join(tried.names): tried for tried in [*finding.tried, *finding.accepted]}
+    by_name = {tried.names: tried for tried in [*finding.tried, *finding.accepted]}
     chosen = [by_name[name] for name in drawn.names]
     to_the_end = [
         [separation(problem, finding.whiten, j.fit, k, finding.level.phi).separation_sigma for k in chosen]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
-from lightfield.diagnosis.verdict.speech import capital, exactly, join, plain, roughly, short
+from lightfield.diagnosis.verdict.speech import capital, exactly, join, roughly, short
 from lightfield.fitting import effects
+from lightfield.wording import plain
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of.
 _SPOKEN = 50.0

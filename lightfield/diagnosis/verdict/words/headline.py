@@ -15,10 +15,11 @@ from lightfield.diagnosis.verdict.parts import (
     NearestRival,
     Reason,
 )
-from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join, plain
+from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join
 from lightfield.diagnosis.verdict.words import aside, rest, stated
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
+from lightfield.wording import plain
 
 #: Effects from which on the verdict is told by what is known of each.
 MANY: Final = 3

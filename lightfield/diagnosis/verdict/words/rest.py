@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
-from lightfield.diagnosis.verdict.speech import UNITS, join, plain, roughly
+from lightfield.diagnosis.verdict.speech import UNITS, join, roughly
+from lightfield.wording import plain
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit.
 _CALLED = {
@@ -63,7 +64,7 @@ def _described(one: LeftOver) -> str:
 
 def _size(one: Estimate) -> str:
     """A value with its error, or why it has none."""
-    return roughly(one) if one.reason is None else f"{roughly(one)} ({one.reason.partition(':')[0]})"
+    return roughly(one) if one.reason is None else f"{roughly(one)} ({one.reason.short})"
 
 
 def _suspect(left: Sequence[LeftOver], misfit: Misfit | None) -> str:

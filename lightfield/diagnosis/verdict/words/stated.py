@@ -12,7 +12,8 @@ from lightfield.diagnosis.verdict.parts import (
     NearestRival,
     StatedEffect,
 )
-from lightfield.diagnosis.verdict.speech import in_unit, plain
+from lightfield.diagnosis.verdict.speech import in_unit
+from lightfield.wording import plain
 
 #: Judgements that contradict the scene.
 _REFUTED = ("absent", "contradicted")

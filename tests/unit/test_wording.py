@@ -1,0 +1,29 @@
+"""Names and numbers are written for people in one way."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import lightfield
+from lightfield.diagnosis.verdict.parts import Reason
+from lightfield.wording import minus, plain
+
+
+def test_names_are_words() -> None:
+    assert plain("beam_tilt") == "beam tilt" and plain("+ cdom") == "+ CDOM"
+    assert plain("cdom + stray_light") == "CDOM + stray light" and plain("cdoms") == "cdoms"
+    assert minus("-0.3") == "\N{MINUS SIGN}0.3" and minus("0.3") == "0.3"
+
+
+def test_they_are_made_in_one_place() -> None:
+    """Elsewhere nobody swaps an underscore for a space, nor a hyphen for a minus sign; a search may."""
+    package = Path(lightfield.__file__).parent
+    swaps = re.compile(r"""replace\((["'])_\1, (["']) \2\)|replace\((["'])-\3, (["'])(−|\\N\{MINUS)""")
+    found = {file.name for file in package.rglob("*.py") if swaps.search(file.read_text(encoding="utf-8"))}
+    assert found == {"wording.py", "par.py"}
+
+
+def test_a_reason_is_said_shorter_without_its_cause() -> None:
+    assert {one: one.short for one in Reason if one.short != one} == {Reason.TOO_WIDE: Reason.UNDETERMINED}
+    assert all(str(one).startswith(str(one.short)) for one in Reason)
