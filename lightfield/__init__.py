@@ -10,9 +10,9 @@ else is the inside of the library, and may change with any version. Names are lo
 used, so that the import itself costs nothing.
 """
 
-import sys
 from importlib import import_module
-from types import ModuleType
+
+from lightfield.version import __version__ as __version__
 
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from lightfield.errors import LightfieldError
     from lightfield.readings import Readings
     from lightfield.scene import Scene
-
-__version__ = "0.1.0"
 
 #: Public names, and where each is defined.
 PUBLIC = {
@@ -110,27 +108,6 @@ def __getattr__(name: str) -> object:
     if PUBLIC[name] == "api":
         return import_module(f"{place}.{name}")
     return getattr(import_module(place), name)
-
-
-class _Room(ModuleType):
-    """A room that is called as the public function of its name: Python keeps both under one name."""
-
-    def __call__(self, *args: object, **given: object) -> object:
-        return self.__wrapped__(*args, **given)
-
-    @property
-    def __wrapped__(self):  # type: ignore[no-untyped-def]  # what `inspect.signature` asks for
-        name = self.__name__.rpartition(".")[2]
-        return getattr(import_module(f"{__name__}.{PUBLIC[name]}"), name)
-
-    @property
-    def __doc__(self) -> str | None:  # type: ignore[override]  # `lf.render?` in a notebook asks for it
-        return self.__wrapped__.__doc__
-
-
-def open_room(name: str) -> None:
-    """Let a room, by its full name, be called as the public function of its name."""
-    sys.modules[name].__class__ = _Room
 
 
 def __dir__() -> list[str]:

@@ -12,7 +12,6 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from lightfield import __version__
 from lightfield.errors import UsageError
 from lightfield.explorer.dropped import readings_of
 from lightfield.explorer.saved.page import page_html
@@ -22,6 +21,7 @@ from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.readings.table.write import dumps
 from lightfield.scene import Scene
 from lightfield.storage.inputs import MEGABYTE, FileKind, read_bytes
+from lightfield.version import __version__
 
 #: A session: scene, readings and states.
 SESSION = FileKind("session", 60 * MEGABYTE, UsageError)

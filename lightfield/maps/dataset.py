@@ -14,7 +14,6 @@ import numpy as np
 import xarray as xr
 from pydantic import ValidationError
 
-from lightfield import __version__
 from lightfield.arrays import Array
 from lightfield.errors import OutputError
 from lightfield.maps.colour import linear_rgb
@@ -24,6 +23,7 @@ from lightfield.scene import Detector, Scene, Tank
 from lightfield.scene.in_tank import plane_size_m
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 from lightfield.storage.inputs import MAPS, check_regular
+from lightfield.version import __version__
 
 #: First bytes of HDF5, and so of NetCDF-4.
 _HDF5 = b"\x89HDF\r\n\x1a\n"

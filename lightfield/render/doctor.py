@@ -8,8 +8,8 @@ import platform
 import subprocess
 import sys
 
-from lightfield import __version__
 from lightfield.render.known_case import Check
+from lightfield.version import __version__
 
 PACKAGES = (
     "mitsuba",

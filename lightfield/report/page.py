@@ -12,9 +12,9 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 from matplotlib.figure import Figure
 
-from lightfield import __version__
 from lightfield.report.style import to_svg
 from lightfield.storage.files import atomic_path
+from lightfield.version import __version__
 
 _FOLDER = Path(__file__).parent / "templates"
 

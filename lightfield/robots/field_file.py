@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from lightfield import __version__
 from lightfield.arrays import Array, jackknife_stderr
 from lightfield.errors import UsageError
 from lightfield.formula.own_formulas import lit
@@ -28,6 +27,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, over_band
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.version import __version__
 
 #: Places of a grid at most: more would be a file of gigabytes.
 MOST_PLACES = 4_000_000

@@ -4,6 +4,6 @@
 `zarrfile` the Zarr store and its journal; `cluster` and `runner` give the work to Dask and follow it.
 """
 
-from lightfield import open_room
+from lightfield.rooms import open_room
 
 open_room(__name__)  # `lightfield.sweep(...)`

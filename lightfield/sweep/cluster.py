@@ -15,9 +15,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lightfield import __version__
 from lightfield.errors import BackendError, UsageError
 from lightfield.render.backend import use_backend
+from lightfield.version import __version__
 
 if TYPE_CHECKING:
     from distributed import Client

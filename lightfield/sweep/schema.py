@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from lightfield import __version__
 from lightfield.errors import UsageError
 from lightfield.maps.dataset import PLACE, QUANTITIES, scene_attributes
 from lightfield.render.response.grid import Grid
 from lightfield.sweep.axes import COMPOUND, Axis
 from lightfield.sweep.sweep_plan import SweepPlan
 from lightfield.sweep.zarrfile import Variable
+from lightfield.version import __version__
 
 STATUS = ("pending", "done", "failed")
 MESSAGE = "<U240"

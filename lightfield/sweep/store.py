@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from lightfield import __version__
 from lightfield.errors import OutputError
 from lightfield.render.response.response_cache import FORMAT as TRANSPORT_FORMAT
 from lightfield.scene import Scene
@@ -30,6 +29,7 @@ from lightfield.storage.files import atomic_path
 from lightfield.sweep import journal, zarrfile
 from lightfield.sweep.schema import MESSAGE, SweepKind, axes_as_plain
 from lightfield.sweep.sweep_plan import SweepPlan
+from lightfield.version import __version__
 
 FORMAT = 5  # of the store; raised whenever the same plan would give other numbers
 

@@ -12,9 +12,9 @@ from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from typing import Any, NoReturn
 
-from lightfield import __version__
 from lightfield.commands.shared.options import add_option
 from lightfield.errors import UsageError, did_you_mean
+from lightfield.version import __version__
 
 #: From this likeness on a word is taken for another one misspelt.
 _ALIKE = 0.7

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lightfield import __version__
 from lightfield.arrays import finite
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import Finding
@@ -41,6 +40,7 @@ from lightfield.diagnosis.verdict.trust import Trust, pure_error, set_aside, sta
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
+from lightfield.version import __version__
 
 
 @dataclass(frozen=True)

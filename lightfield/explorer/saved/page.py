@@ -19,7 +19,6 @@ from typing import Any
 
 import numpy as np
 
-from lightfield import __version__
 from lightfield.arrays import jsonable
 from lightfield.errors import LightfieldError
 from lightfield.explorer.described import state_data
@@ -31,6 +30,7 @@ from lightfield.explorer.session import Session
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import GAIN
+from lightfield.version import __version__
 
 PAGE = Path(__file__).parents[1] / "page"
 SCRIPTS = ("values.js", "plots.js", "maps.js", "panels.js", "kernel.js", "saved.js")

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lightfield import __version__
 from lightfield.errors import BackendError, LightfieldError, OutputError, one_line
 from lightfield.maps.dataset import CONVENTIONS
 from lightfield.render.limits import FIELD_PHOTONS, PHOTONS
@@ -37,6 +36,7 @@ from lightfield.sweep.schema import (
 from lightfield.sweep.sweep_plan import Block, SweepPlan, SweepSettings, plan_of_single_cases
 from lightfield.sweep.work import BlockDone, peak_bytes, worker_name, write_block
 from lightfield.sweep.zarrfile import Variable
+from lightfield.version import __version__
 
 #: What such a store says that it holds.
 QUANTITY = "following"
