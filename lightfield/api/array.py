@@ -13,6 +13,7 @@ from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
+from lightfield.studies.defaults import HALF_WIDTH_M
 from lightfield.studies.follower import survey
 from lightfield.studies.follower.array_light import Space
 from lightfield.studies.follower.design import compared, exchange
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrays", "Survey", "compare", "optimise", "show"]
 
-PHOTONS, HALF_WIDTH_M = FIELD_PHOTONS, 0.4
+PHOTONS = FIELD_PHOTONS
 Medium = Literal["water", "air"]
 
 

@@ -12,17 +12,15 @@ import xarray as xr
 from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import OverAxes
+from lightfield.render.limits import ON_AXIS
 from lightfield.scene import Scene
+from lightfield.studies import defaults
 from lightfield.studies.band import study, text
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from lightfield.report.style import Axes
-
-
-#: How well to trace unless told otherwise; the same as the command's.
-REL_ERROR, MAX_PHOTONS = 0.005, 4e6
 
 
 class Band(OverAxes[study.Bands]):
@@ -69,15 +67,15 @@ def band(
     scene: Scene | AnyPath,
     *,
     distances: Sequence[float] | None = None,
-    width: float = 50.0,
-    between: tuple[float, float] = (400.0, 700.0),
+    width: float = defaults.WIDTH_NM,
+    between: tuple[float, float] = defaults.BETWEEN_NM,
     response: AnyPath | None = None,
-    electrons: float = 1e6,
-    read_noise: float = 100.0,
-    mismatch: float = 0.008,
+    electrons: float = defaults.ELECTRONS,
+    read_noise: float = defaults.READ_NOISE,
+    mismatch: float = defaults.MISMATCH,
     trace: bool = True,
-    rel_error: float = REL_ERROR,
-    max_photons: float = MAX_PHOTONS,
+    rel_error: float = ON_AXIS.rel_error,
+    max_photons: float = ON_AXIS.max_photons,
     seed: int = 0,
 ) -> Band:
     """Which band of wavelengths serves best.

@@ -13,7 +13,9 @@ from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import OverAxes
 from lightfield.errors import UsageError
+from lightfield.render.limits import ON_AXIS
 from lightfield.scene import Scene
+from lightfield.studies import defaults
 from lightfield.studies.link import study as linking
 from lightfield.studies.link import text as link_text
 from lightfield.studies.link.receiver import Receiver
@@ -22,10 +24,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lightfield.report.style import Axes
-
-
-#: How well to trace unless told otherwise; the same as the command's.
-REL_ERROR, MAX_PHOTONS = 0.005, 4e6
 
 
 class Link(OverAxes[linking.Link]):
@@ -82,9 +80,9 @@ def link(
     bit_rate: float = Receiver.bit_rate_per_s,
     ber: float = Receiver.ber,
     water: Mapping[str, tuple[float, float]] | None = None,
-    to: float = 60.0,
-    rel_error: float = REL_ERROR,
-    max_photons: float = MAX_PHOTONS,
+    to: float = defaults.LINK_TO_M,
+    rel_error: float = ON_AXIS.rel_error,
+    max_photons: float = ON_AXIS.max_photons,
     seed: int = 0,
 ) -> Link:
     """How far the lamp carries data, and is seen, in clear and turbid water.

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.array import HALF_WIDTH_M, PHOTONS, Medium, asked, sigma_columns
+from lightfield.api.array import PHOTONS, Medium, asked, sigma_columns
 from lightfield.api.given import AnyPath, checked
 from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.studies.defaults import HALF_WIDTH_M
 from lightfield.studies.follower import bias as biases
 from lightfield.studies.follower import sequence
 from lightfield.studies.follower.frames import POSE, in_degrees

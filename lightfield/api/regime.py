@@ -9,6 +9,7 @@ import xarray as xr
 from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import OverAxes
+from lightfield.render.limits import OF_REGIME
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 from lightfield.studies import regime as regimes
@@ -20,10 +21,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lightfield.report.style import Axes
-
-
-#: How well to trace unless told otherwise; the same as the command's.
-REL_ERROR, MAX_PHOTONS = 0.01, 4e6
 
 
 class Regime(OverAxes[xr.Dataset]):
@@ -73,8 +70,8 @@ def regime(
     output: AnyPath,
     scene: Scene | AnyPath | None = None,
     *,
-    rel_error: float = REL_ERROR,
-    max_photons: float = MAX_PHOTONS,
+    rel_error: float = OF_REGIME.rel_error,
+    max_photons: float = OF_REGIME.max_photons,
     seed: int = 0,
     workers: int = 0,
 ) -> Regime:

@@ -13,6 +13,7 @@ from lightfield.api.result import OverAxes
 from lightfield.readings import Readings
 from lightfield.render.limits import AXIS_PHOTONS
 from lightfield.scene import Scene
+from lightfield.studies import defaults
 from lightfield.studies.working_range import study as ranging
 from lightfield.studies.working_range import text as range_text
 from lightfield.studies.working_range.poses import with_array
@@ -72,9 +73,9 @@ def range(
     scene: Scene | AnyPath,
     *,
     readings: Readings | AnyPath | None = None,
-    share: float = ranging.PAPER_SHARE,
-    noise: float = 0.01,
-    snr: float = 10.0,
+    share: float = defaults.PAPER_SHARE,
+    noise: float = defaults.NOISE,
+    snr: float = defaults.SNR,
     to: float | None = None,
     array: int | None = None,
     array_side: float | None = None,

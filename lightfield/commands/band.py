@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from lightfield.commands.shared.answer import answered, outputs_of
 from lightfield.commands.shared.options import TRACING, add_answer, add_option, add_tracing, given
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
+from lightfield.render.limits import ON_AXIS
 from lightfield.scene import Scene
-
-DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
+from lightfield.studies import defaults
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,24 +21,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--distances", metavar="A,B,...", help="in m (default: the scene's first and last plane or position)"
     )
-    parser.add_argument("--width", type=float, default=50.0, metavar="NM", help="of the bands (default 50)")
-    parser.add_argument("--between", default="400:700", metavar="LOW:HIGH", help="in nm (default 400:700)")
+    add = partial(parser.add_argument, type=float)
+    low, high = defaults.BETWEEN_NM
+    add("--width", default=defaults.WIDTH_NM, metavar="NM", help="of the bands (default %(default)g)")
+    parser.add_argument(
+        "--between", default=f"{low:g}:{high:g}", metavar="LOW:HIGH", help="in nm (default %(default)s)"
+    )
     parser.add_argument(
         "--response", type=Path, metavar="CSV",
         help="detector: columns wavelength_nm, response (default: the scene's, or typical silicon)",
     )  # fmt: skip
-    parser.add_argument(
-        "--electrons", type=float, default=1e6, metavar="N",
-        help="of the brightest band at the nearest distance (default 1e6)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--read-noise", type=float, default=100.0, metavar="N", help="electrons (default 100)"
-    )
-    parser.add_argument(
-        "--mismatch", type=float, default=0.008, metavar="P", help="spread of gains (default 0.008)"
-    )
+    add("--electrons", default=defaults.ELECTRONS, metavar="N",
+        help="of the brightest band at the nearest distance (default %(default)g)")  # fmt: skip
+    add("--read-noise", default=defaults.READ_NOISE, metavar="N", help="electrons (default %(default)g)")
+    add("--mismatch", default=defaults.MISMATCH, metavar="P", help="spread of gains (default %(default)g)")
     add_option(parser, "--no-trace")
-    add_tracing(parser, **DEFAULTS)
+    add_tracing(parser, ON_AXIS)
     add_answer(parser)
 
 

@@ -9,17 +9,19 @@ from lightfield.commands.shared.answer import answered, outputs_of
 from lightfield.commands.shared.options import TRACING, add_answer, add_tracing, given
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
+from lightfield.render.limits import ON_AXIS
 from lightfield.scene import Scene
+from lightfield.studies import defaults
+from lightfield.studies.link.receiver import Receiver
 
-DEFAULTS = {"rel_error": 0.005, "max_photons": 4e6}
 #: Options of the receiver: name, default, unit, help.
 RECEIVER = (
-    ("area", 13.0, "MM2", "of the photodiode, mm²"),
-    ("responsivity", 0.25, "A/W", "of the photodiode, mean over the band"),
-    ("amplifier_noise", 5e-12, "A", "A per root Hz at the input"),
-    ("background", 0.0, "A", "photocurrent of ambient light and dark current"),
-    ("bit_rate", 1e6, "N", "bits per second"),
-    ("ber", 1e-6, "P", "errors per bit that are accepted"),
+    ("area", Receiver.area_mm2, "MM2", "of the photodiode, mm²"),
+    ("responsivity", Receiver.responsivity_a_per_w, "A/W", "of the photodiode, mean over the band"),
+    ("amplifier_noise", Receiver.noise_a_per_sqrt_hz, "A", "A per root Hz at the input"),
+    ("background", Receiver.background_a, "A", "photocurrent of ambient light and dark current"),
+    ("bit_rate", Receiver.bit_rate_per_s, "N", "bits per second"),
+    ("ber", Receiver.ber, "P", "errors per bit that are accepted"),
 )
 
 
@@ -43,9 +45,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "and turbid=0.05,0.3)",
     )  # fmt: skip
     parser.add_argument(
-        "--to", type=float, default=60.0, metavar="M", help="farthest distance, m (default 60)"
+        "--to",
+        type=float,
+        default=defaults.LINK_TO_M,
+        metavar="M",
+        help="farthest distance, m (default %(default)g)",
     )
-    add_tracing(parser, **DEFAULTS)
+    add_tracing(parser, ON_AXIS)
     add_answer(parser)
 
 

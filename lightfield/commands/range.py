@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
 from lightfield.commands.shared.answer import answered, outputs_of
@@ -12,6 +13,7 @@ from lightfield.errors import UsageError
 from lightfield.readings import read_table
 from lightfield.render.limits import AXIS_PHOTONS
 from lightfield.scene import Scene
+from lightfield.studies import defaults
 
 #: Receivers on a side of an array at most, as many as a scene may have.
 MOST_ON_A_SIDE = 50
@@ -21,21 +23,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
     parser.add_argument("--readings", type=Path, metavar="DATA", help="reading table to show beside it")
-    parser.add_argument(
-        "--share", type=float, default=0.2, metavar="P",
-        help="part of the light at the first plane that must be left (default 0.2, the paper's rule)",
+    add = partial(parser.add_argument, type=float)
+    add(
+        "--share", default=defaults.PAPER_SHARE, metavar="P",
+        help="part of the light at the first plane that must be left (default %(default)g, the paper's rule)",
     )  # fmt: skip
-    parser.add_argument(
-        "--noise", type=float, default=0.01, metavar="P",
-        help="noise of one reading over the reading at the first plane (default 0.01)",
+    add(
+        "--noise", default=defaults.NOISE, metavar="P",
+        help="noise of one reading over the reading at the first plane (default %(default)g)",
     )  # fmt: skip
-    parser.add_argument("--snr", type=float, default=10.0, metavar="K", help="signal over noise (default 10)")
-    parser.add_argument(
-        "--to",
-        type=float,
-        metavar="M",
-        help="farthest distance, m (default: twice the last plane or position)",
-    )
+    add("--snr", default=defaults.SNR, metavar="K", help="signal over noise (default %(default)g)")
+    add("--to", metavar="M", help="farthest distance, m (default: twice the last plane or position)")
     parser.add_argument(
         "--array", type=int, metavar="N",
         help="receivers on a side (default: the scene's [array]; without one 5 x 5 on 0.4 m, curved)",

@@ -9,10 +9,9 @@ from rich.table import Table
 
 from lightfield.commands.shared.console import console
 from lightfield.commands.shared.options import add_option, add_tracing, given
+from lightfield.render.limits import OF_REGIME
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
-
-DEFAULTS = {"rel_error": 0.01, "max_photons": 4e6}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of the results (default: regime)",
     )
-    add_tracing(parser, **DEFAULTS)
+    add_tracing(parser, OF_REGIME)
     add_option(parser, "--workers", "this one")
 
 
@@ -53,7 +52,7 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from lightfield.sweep.runner import run_sweep
     from lightfield.sweep.sweep_plan import SweepSettings
 
-    settings = SweepSettings(**DEFAULTS | given(args), maps=False)
+    settings = SweepSettings(**vars(OF_REGIME) | given(args), maps=False)
     plan = regime.regime_plan(scene, settings)
     store = folder / "regime.zarr"
     with cases_bar("regime") as report:

@@ -17,7 +17,7 @@ from lightfield.commands.shared.options import add_option, add_tracing, given
 from lightfield.commands.shared.progress import status_lines
 from lightfield.errors import UsageError
 from lightfield.progress import duration
-from lightfield.render.limits import SEED
+from lightfield.render.limits import OF_SWEEPS, SEED
 from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
@@ -61,7 +61,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    default = SweepSettings()
     parser.add_argument("scene", type=Path, nargs="?", metavar="SCENE", help="scene file (TOML)")
     add_option(parser, "--vary")
     parser.add_argument(
@@ -76,7 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="say whether every file of a store is as it was written, and stop",
     )
     group = parser.add_argument_group("tracing")
-    add_tracing(group, default.rel_error, default.max_photons)
+    add_tracing(group, OF_SWEEPS)
     group.add_argument("--no-maps", action="store_true", help="keep the derived quantities alone")
     group = parser.add_argument_group("workers")
     add_option(group, "--workers", "this one")

@@ -18,6 +18,17 @@ class Allowed:
         return self.low <= value <= self.high
 
 
+class Precision:
+    """Relative standard error asked of a trace, and photons at which it ends all the same."""
+
+    def __init__(self, rel_error: float, max_photons: float) -> None:
+        self.rel_error, self.max_photons = rel_error, max_photons
+
+
+#: How well to trace unless told otherwise: maps; each trace of a sweep; light on the axis, for the studies of
+#: bands and of data; the grid of where the formula holds.
+OF_MAPS, OF_SWEEPS = Precision(0.02, 1e8), Precision(0.05, 2e6)
+ON_AXIS, OF_REGIME = Precision(0.005, 4e6), Precision(0.01, 4e6)
 #: Photons, unless others are asked for: of the light field around an array, and of the flux vector along the
 #: axis, whose derivatives tell what a pose is worth (1 % of a bound at 10 m, 4 % at 17).
 FIELD_PHOTONS, AXIS_PHOTONS = 1e7, 2e6

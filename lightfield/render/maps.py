@@ -12,6 +12,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.formula.own_formulas import factor, lit, on_path
 from lightfield.render.backend import use_backend
+from lightfield.render.limits import OF_MAPS
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
@@ -140,8 +141,8 @@ def with_own_path(
 def render_scene(
     scene: Scene,
     *,
-    rel_error: float = 0.02,
-    max_photons: float = 1e8,
+    rel_error: float = OF_MAPS.rel_error,
+    max_photons: float = OF_MAPS.max_photons,
     seed: int = 0,
     reference: Reference | None = None,
     grid: Grid | None = None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from lightfield.render.limits import REL_ERROR, check_photons, check_rel_error
+from lightfield.render.limits import OF_MAPS, REL_ERROR, check_photons, check_rel_error
 
 OnProgress = Callable[
     [int, float, float], None
@@ -47,8 +47,8 @@ class Settings:
         A relative error or photon budget that no trace can have.
     """
 
-    rel_error: float = 0.02
-    max_photons: float = 1e8
+    rel_error: float = OF_MAPS.rel_error
+    max_photons: float = OF_MAPS.max_photons
     seed: int = 0
     symmetry: bool = False
 

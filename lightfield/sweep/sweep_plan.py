@@ -12,6 +12,7 @@ import numpy as np
 
 from lightfield.errors import LightfieldError, UsageError, one_line
 from lightfield.formula.own_formulas import lit
+from lightfield.render.limits import OF_SWEEPS
 from lightfield.render.maps import transport_key
 from lightfield.render.response.grid import Grid, detector_grid, scene_grid
 from lightfield.render.response.response import Reference
@@ -49,8 +50,8 @@ class SweepSettings:
         Keep the maps, not the derived quantities alone.
     """
 
-    rel_error: float = 0.05
-    max_photons: float = 2e6
+    rel_error: float = OF_SWEEPS.rel_error
+    max_photons: float = OF_SWEEPS.max_photons
     seed: int = 0
     maps: bool = True
 

@@ -15,6 +15,7 @@ from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
 from lightfield.render.at_readings import render_positions
+from lightfield.render.limits import OF_MAPS
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.wording import plain
@@ -23,9 +24,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lightfield.report.style import Axes
-
-#: What the tracing of `render` and `compare` asks for unless told otherwise; the same as their commands'.
-REL_ERROR, MAX_PHOTONS = 0.02, 1e8
 
 
 class Maps(Result[xr.Dataset]):
@@ -143,8 +141,8 @@ def render(
     scene: Scene | AnyPath,
     *,
     wavelengths: Sequence[float] | None = None,
-    rel_error: float = REL_ERROR,
-    max_photons: float = MAX_PHOTONS,
+    rel_error: float = OF_MAPS.rel_error,
+    max_photons: float = OF_MAPS.max_photons,
     seed: int = 0,
     cache: bool = True,
 ) -> Maps:

@@ -8,13 +8,14 @@ from typing import Any
 from lightfield.commands.shared.options import add_option, given
 from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
+from lightfield.studies.defaults import HALF_WIDTH_M
 
 
 def add_space(parser: argparse.ArgumentParser) -> None:
     """Declare where the follower may be, and how its light is traced."""
     parser.add_argument(
-        "--half-width", type=float, default=0.4, metavar="M",
-        help="of the formation space in x and y (default 0.4 m); in z as far as the planes or positions",
+        "--half-width", type=float, default=HALF_WIDTH_M, metavar="M",
+        help="of the formation space in x and y (default %(default)g m); in z as far as planes or positions",
     )  # fmt: skip
     parser.add_argument(
         "--medium", choices=("water", "air"), default="water",

@@ -6,7 +6,7 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 
 from lightfield.errors import UsageError
-from lightfield.render.limits import PHOTONS, SEED, Allowed
+from lightfield.render.limits import PHOTONS, SEED, Allowed, Precision
 
 TYPE_CHECKING = False  # as in typing, which takes milliseconds to import
 if TYPE_CHECKING:
@@ -109,9 +109,9 @@ def effects_asked(args: Namespace) -> list[str]:
     raise UsageError("no effect is named", where="--effects", found=args.effects, rule="A,B,...")
 
 
-def add_tracing(parser: _ActionsContainer, rel_error: float, max_photons: float) -> None:
+def add_tracing(parser: _ActionsContainer, precision: Precision) -> None:
     """Declare how well to trace; the command's defaults are for the help."""
-    for name, default in zip(TRACING, (rel_error, max_photons, 0), strict=True):
+    for name, default in zip(TRACING, (precision.rel_error, precision.max_photons, 0), strict=True):
         add_option(parser, f"--{name.replace('_', '-')}", default)
 
 

@@ -14,8 +14,9 @@ from lightfield.commands.shared.console import console
 from lightfield.commands.shared.options import add_tracing, given
 from lightfield.commands.shared.progress import status_lines
 from lightfield.progress import heard_by, part_of_trace
+from lightfield.render.limits import OF_MAPS
 from lightfield.render.maps import Rendering
-from lightfield.render.settings import OnProgress, Settings
+from lightfield.render.settings import OnProgress
 from lightfield.scene import Scene
 
 Made = TypeVar("Made")
@@ -23,15 +24,15 @@ Made = TypeVar("Made")
 
 def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare how well to trace."""
-    default, group = Settings(), parser.add_argument_group("tracing")
-    add_tracing(group, default.rel_error, default.max_photons)
+    group = parser.add_argument_group("tracing")
+    add_tracing(group, OF_MAPS)
     group.add_argument("--no-cache", action="store_true", help="trace even if the response is on disk")
 
 
 def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) -> Made:
     """Trace a scene as the options say, and say how far it is."""
     options = given(args)
-    limit = float(options.get("max_photons", Settings().max_photons))
+    limit = float(options.get("max_photons", OF_MAPS.max_photons))
     with progress_bar(scene.name or "scene", limit) as report:
         return render(
             scene,
@@ -42,7 +43,7 @@ def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) 
 
 
 @contextmanager
-def progress_bar(name: str, max_photons: float = Settings().max_photons) -> Iterator[OnProgress]:
+def progress_bar(name: str, max_photons: float = OF_MAPS.max_photons) -> Iterator[OnProgress]:
     """Progress of a trace on standard error: a bar on a terminal, elsewhere a line every ten seconds."""
     output = console(stderr=True)
     if not output.is_terminal:

@@ -25,6 +25,7 @@ from lightfield.render.at_readings import render_positions
 from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.water.coefficients import is_grey, scattering_per_m
+from lightfield.studies import defaults
 from lightfield.studies.band.integrals import responsivity, shares_of
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
 
@@ -136,9 +137,9 @@ class CountNoise:
         Numbers that make no sense.
     """
 
-    electrons: float = 1e6
-    read_noise: float = 100.0
-    mismatch: float = 0.008
+    electrons: float = defaults.ELECTRONS
+    read_noise: float = defaults.READ_NOISE
+    mismatch: float = defaults.MISMATCH
 
     def __post_init__(self) -> None:
         for name, (low, high), unit in (
@@ -164,9 +165,9 @@ def best_band(
     noise: CountNoise | None = None,
     *,
     distances_m: Sequence[float] | None = None,
-    width_nm: float = 50.0,
-    low_nm: float = 400.0,
-    high_nm: float = 700.0,
+    width_nm: float = defaults.WIDTH_NM,
+    low_nm: float = defaults.BETWEEN_NM[0],
+    high_nm: float = defaults.BETWEEN_NM[1],
     response: str | None = None,
     **tracing: Any,
 ) -> Bands:

@@ -17,6 +17,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import is_round
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies import defaults
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE, placed, rotations
 
@@ -85,12 +86,12 @@ class FormulaLight:
 class Space:
     """Where the follower may be: |x|, |y| up to a half width, z between two distances, m."""
 
-    half_width_m: float = 0.4
+    half_width_m: float = defaults.HALF_WIDTH_M
     near_m: float = 4.5
     far_m: float = 8.5
 
     @classmethod
-    def of_scene(cls, scene: Scene, half_width_m: float = 0.4) -> Space:
+    def of_scene(cls, scene: Scene, half_width_m: float = defaults.HALF_WIDTH_M) -> Space:
         """From the first to the last plane of a scene's detector, or position."""
         read = scene.detector.distances_m
         return cls(half_width_m, read[0], read[-1])

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import erfc, erfcinv
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
@@ -75,11 +74,15 @@ class Receiver:
 
     def error_rate(self, power_w: Array) -> Array:
         """Errors per bit."""
+        from scipy.special import erfc
+
         return np.asarray(0.5 * erfc(self.q(power_w) / np.sqrt(2)))
 
     @property
     def needed_q(self) -> float:
         """Q that the accepted error rate asks for."""
+        from scipy.special import erfcinv
+
         return float(np.sqrt(2) * erfcinv(2 * self.ber))
 
     def seen_snr(self, power_w: Array) -> Array:

@@ -27,6 +27,7 @@ from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import without
 from lightfield.scene.lamp.profile import solid_angle_sr
+from lightfield.studies import defaults
 from lightfield.studies.attenuation.excess import grey
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark
 from lightfield.studies.link.arrival import Colours, along_axis
@@ -107,7 +108,7 @@ def link(
     *,
     waters: Mapping[str, tuple[float, float]] | None = None,
     from_m: float = FROM_M,
-    to_m: float = 60.0,
+    to_m: float = defaults.LINK_TO_M,
     **tracing: Any,
 ) -> Link:
     """Received power, errors and bandwidth along the axis in unbounded water.

@@ -27,6 +27,7 @@ from lightfield.render.limits import AXIS_PHOTONS, check_photons
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.parameters import told
+from lightfield.studies import defaults
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
 from lightfield.studies.working_range.around_axis import DARK, RADII, SmoothField
 from lightfield.studies.working_range.poses import known_poses
@@ -40,8 +41,6 @@ from lightfield.studies.working_range.reaches import (
     pose_sigmas,
 )
 
-#: The paper's rule.
-PAPER_SHARE = 0.20
 #: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
 #: So many times the nearest distance is far: steps are then equal ratios.
@@ -113,9 +112,9 @@ def working_range(
     trace: DiffuseSource | None,
     readings: Readings | None = None,
     *,
-    share: float = PAPER_SHARE,
-    noise: float = 0.01,
-    snr: float = 10.0,
+    share: float = defaults.PAPER_SHARE,
+    noise: float = defaults.NOISE,
+    snr: float = defaults.SNR,
     to_m: float | None = None,
     photons: float = AXIS_PHOTONS,
 ) -> WorkingRange:
