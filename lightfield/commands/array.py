@@ -8,7 +8,7 @@ from pathlib import Path
 from lightfield.api.given import by_name
 from lightfield.commands.shared.answer import answered, outputs_of
 from lightfield.commands.shared.follower import add_space, space_asked
-from lightfield.commands.shared.options import add_answer, given
+from lightfield.commands.shared.options import add_answer, add_option, given
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -24,10 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _common(show)
     beside = tasks.add_parser("compare", help="arrays of several scenes in the light of the first")
     _common(beside)
-    beside.add_argument(
-        "--with", dest="others", type=Path, action="append", required=True, metavar="SCENE",
-        help="scene whose array to compare with; may be repeated",
-    )  # fmt: skip
+    whose = "scene whose array to compare with; may be repeated"
+    add_option(beside, "--with", default=None, required=True, help=whose)
     _task(beside)
     best = tasks.add_parser("optimise", help="the best places and tilts of so many elements")
     _common(best)
@@ -53,7 +51,7 @@ def _task(parser: argparse.ArgumentParser) -> None:
 
 
 def _common(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    add_option(parser, "scene", help="scene file with an [array]")
     add_answer(parser)
     add_space(parser)
 

@@ -19,10 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "readings", type=Path, nargs="+", metavar="READINGS",
         help="reading table with the media water and air; several tables of one water, one per receiver",
     )  # fmt: skip
-    parser.add_argument(
-        "--scene", type=Path, action="append", required=True, metavar="SCENE",
-        help="scene file (TOML): lamp, tank, receiver; given again, one for each table",
-    )  # fmt: skip
+    what = "scene file (TOML): lamp, tank, receiver; given again, one for each table"
+    add_option(parser, "--scene", action="append", required=True, help=what)
     media = parser.add_mutually_exclusive_group()
     media.add_argument(
         "--air", action="store_true", help="divide by readings in air (default: if there are any)"
@@ -32,9 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_option(parser, "--no-trace")
     add_answer(parser)
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="OUT.nc", help="write the spectrum of K as NetCDF"
-    )
+    add_option(parser, "--output", metavar="OUT.nc", help="write the spectrum of K as NetCDF")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from lightfield.commands.shared.answer import answered, outputs_of
-from lightfield.commands.shared.options import TRACING, add_answer, add_option, add_tracing, given
+from lightfield.commands.shared.options import TRACING, add_answer, add_option, add_tracing, given, numbers
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.render.limits import ON_AXIS
@@ -17,7 +17,7 @@ from lightfield.studies import defaults
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    add_option(parser, "scene")
     parser.add_argument(
         "--distances", metavar="A,B,...", help="in m (default: the scene's first and last plane or position)"
     )
@@ -43,8 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Study, print, write."""
     scene = Scene.load(args.scene)
-    distances = None if args.distances is None else _numbers(args.distances, ",", "--distances")
-    between = _numbers(args.between, ":", "--between")
+    distances = None if args.distances is None else numbers(args.distances, ",", "--distances")
+    between = numbers(args.between, ":", "--between")
     if len(between) != 2:
         raise UsageError("not a range", where="--between", found=args.between, rule="LOW:HIGH in nm")
     outputs_of(args, args.scene, args.response)
@@ -55,12 +55,3 @@ def run(args: argparse.Namespace) -> int:
     with progress_of("band"):
         answer = band(scene, distances=distances, between=(low, high), trace=not args.no_trace, **options)
     return answered(args, answer)
-
-
-def _numbers(text: str, separator: str, where: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(separator)]
-    except ValueError:
-        raise UsageError(
-            "not numbers", where=where, found=text, rule=f"numbers between {separator!r}"
-        ) from None

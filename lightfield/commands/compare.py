@@ -9,7 +9,7 @@ from lightfield.commands import _compare_readings
 from lightfield.commands.shared import tracing
 from lightfield.commands.shared.answer import write_json
 from lightfield.commands.shared.console import console
-from lightfield.commands.shared.options import given
+from lightfield.commands.shared.options import add_option, given
 from lightfield.errors import UsageError
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
@@ -24,10 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SCENE|MAPS|DATA",
         help="scene file (.toml) to render, maps of `render` (.nc), or readings (.csv, with --scene)",
     )
-    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene that the readings belong to")
-    parser.add_argument(
-        "-o", "--output", type=Path, default=None, metavar="DIR", help="folder of page, figures and numbers"
-    )
+    add_option(parser, "--scene", help="scene that the readings belong to")
+    add_option(parser, "--output", help="folder of page, figures and numbers")
     _compare_readings.add_arguments(parser.add_argument_group("against readings"))
     tracing.add_tracing_arguments(parser)
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from lightfield.commands.shared.line import prepared
+from lightfield.commands.shared.options import add_option
 from lightfield.errors import UsageError
 from lightfield.storage.files import locked_folder
 
@@ -34,9 +35,7 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path("demo-report"), metavar="DIR", help="folder of the results"
-    )
+    add_option(parser, "--output", "demo-report", default=Path("demo-report"))
     parser.add_argument("--scenes", type=Path, metavar="DIR", help="folder of the example experiments")
 
 

@@ -26,17 +26,15 @@ MOST_RUNGS = 9
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("data", type=Path, metavar="DATA", nargs="?", help="reading table (CSV)")
-    parser.add_argument("--scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    add_option(parser, "--scene")
     parser.add_argument(
         "--effects", metavar="A,B,...", help="consider these effects only (default: all; --list names them)"
     )
     add_option(parser, "--effects-file")
     parser.add_argument("--list", action="store_true", help="print the table of effects and stop")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="write the verdict")
+    add_option(parser, "--json", help="write the verdict")
     add_option(parser, "--report")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="write verdict, one scene per rung, and the ledger"
-    )
+    add_option(parser, "--output", help="write verdict, one scene per rung, and the ledger")
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of the verdict and stop")
     parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.01)")
     add_option(parser, "--seed", 0)

@@ -22,12 +22,8 @@ from lightfield.scene.effects_file import with_effects
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "scene",
-        type=Path,
-        metavar="SCENE|SESSION",
-        help="scene file (.toml), or a session that was saved (.json)",
-    )
+    what = "scene file (.toml), or a session that was saved (.json)"
+    add_option(parser, "scene", metavar="SCENE|SESSION", help=what)
     parser.add_argument(
         "data",
         type=Path,

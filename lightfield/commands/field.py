@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_option
@@ -17,8 +16,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the task and its options."""
     tasks = parser.add_subparsers(dest="task_name", metavar="TASK", required=True)
     export = tasks.add_parser("export", help="flux vector and direct light on a grid, as NetCDF (CF)")
-    export.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
-    export.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.nc", help="NetCDF file")
+    add_option(export, "scene")
+    add_option(export, "--output", required=True, metavar="OUT.nc", help="NetCDF file")
     export.add_argument(
         "--half-width", type=float, default=0.5, metavar="M", help="in x and y (default 0.5 m)"
     )
@@ -29,13 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="M",
         help="first distance (default: the first plane or position)",
     )
-    export.add_argument(
-        "--to",
-        dest="far",
-        type=float,
-        metavar="M",
-        help="last distance (default: the last plane or position)",
-    )
+    add_option(export, "--to", dest="far", help="last distance (default: the last plane or position)")
     export.add_argument(
         "--step", type=float, default=0.1, metavar="M", help="across the beam (default 0.1 m)"
     )

@@ -22,11 +22,8 @@ MOST_RUNS = 200
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
-    parser.add_argument(
-        "--with", dest="others", type=Path, action="append", default=[], metavar="SCENE",
-        help="another scene to run; may be repeated",
-    )  # fmt: skip
+    add_option(parser, "scene", help="scene file with an [array]")
+    add_option(parser, "--with")
     parser.add_argument(
         "--believe", metavar="B,B,...",
         help="light it believes in: field, fitted, exact, clear, relative (default: as the scene says)",
@@ -44,9 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--track", type=Path, metavar="OUT.nc", help="write the first follower's runs over time"
     )
     add_option(parser, "--vary")
-    parser.add_argument(
-        "-o", "--output", type=Path, metavar="STORE.zarr", help="store of the runs over what varies"
-    )
+    add_option(parser, "--output", metavar="STORE.zarr", help="store of the runs over what varies")
     add_option(parser, "--workers", "this one")
     add_option(parser, "--max-photons", FIELD_PHOTONS)
     add_option(parser, "--seed", 0)

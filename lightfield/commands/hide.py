@@ -16,12 +16,8 @@ from lightfield.storage.files import locked_folder, output_file
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add = parser.add_argument
-    add(
-        "scene",
-        type=Path,
-        metavar="SCENE",
-        help="scene file (TOML): what the experimenter believes; every band is read",
-    )
+    what = "scene file (TOML): what the experimenter believes; every band is read"
+    add_option(parser, "scene", help=what)
     add(
         "--effect",
         action="append",
@@ -63,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
     add_option(parser, "--max-photons", "3e7; what it leaves unknown is stated with the errors")
-    add("-o", "--output", type=Path, required=True, metavar="DIR", help="scene.toml, data.csv, truth.json")
+    add_option(parser, "--output", required=True, help="scene.toml, data.csv, truth.json")
 
 
 def run(args: argparse.Namespace) -> int:

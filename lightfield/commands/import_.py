@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 
 from lightfield.api.given import import_
-from lightfield.commands.shared.options import given
+from lightfield.commands.shared.options import add_option, given
 from lightfield.errors import UsageError
 from lightfield.readings import write_table
 from lightfield.readings.importing import places
@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     budget.add_argument(
         "--calibration-percent", type=float, metavar="P", help="error of an absolute calibration"
     )
-    parser.add_argument("-o", "--output", metavar="READINGS.csv", help="the reading table to write")
+    add_option(parser, "--output", type=str, metavar="READINGS.csv", help="the reading table to write")
 
 
 def run(args: argparse.Namespace) -> int:

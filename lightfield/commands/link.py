@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from lightfield.commands.shared.answer import answered, outputs_of
-from lightfield.commands.shared.options import TRACING, add_answer, add_tracing, given
+from lightfield.commands.shared.options import TRACING, add_answer, add_option, add_tracing, given
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.render.limits import ON_AXIS
@@ -27,12 +26,8 @@ RECEIVER = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "scene",
-        type=Path,
-        metavar="SCENE",
-        help="scene file (TOML); a tank is left out, the lamp counts in its first band",
-    )
+    what = "scene file (TOML); a tank is left out, the lamp counts in its first band"
+    add_option(parser, "scene", help=what)
     group = parser.add_argument_group("receiver")
     for name, default, metavar, text in RECEIVER:
         group.add_argument(
@@ -44,13 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="absorption and scattering in 1/m to compare with; may be given again (default: clear=0.05,0.05 "
         "and turbid=0.05,0.3)",
     )  # fmt: skip
-    parser.add_argument(
-        "--to",
-        type=float,
-        default=defaults.LINK_TO_M,
-        metavar="M",
-        help="farthest distance, m (default %(default)g)",
-    )
+    add_option(parser, "--to", "%(default)g", default=defaults.LINK_TO_M)
     add_tracing(parser, ON_AXIS)
     add_answer(parser)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from shlex import quote
 
+from lightfield.commands.shared.options import add_option
 from lightfield.errors import LightfieldError
 from lightfield.experiments.new_tank import (
     LAYOUT,
@@ -32,14 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             metavar=question.name.upper().replace("_", "-"),
             help=f"{question.text[0].lower()}{question.text[1:]}: {question.form} ({default})",
         )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="folder: scene.toml, layout.csv, readings.csv",
-    )
+    add_option(parser, "--output", required=True, help="folder: scene.toml, layout.csv, readings.csv")
 
 
 def run(args: argparse.Namespace) -> int:

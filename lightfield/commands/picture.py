@@ -15,10 +15,10 @@ from lightfield.storage.files import output_file
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
-    parser.add_argument(
-        "-o", "--output", type=Path, default=Path("picture.png"), metavar="PNG",
-        help="PNG file; the linear light goes beside it as .exr (default: picture.png)",
+    add_option(parser, "scene")
+    add_option(
+        parser, "--output", "picture.png", default=Path("picture.png"), metavar="PNG",
+        help="PNG file; the linear light goes beside it as .exr (default: {})",
     )  # fmt: skip
     parser.add_argument("--size", default="720x405", metavar="WxH", help="pixels (default %(default)s)")
     parser.add_argument(

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LAYOUT",
         help="reading table; its values may be left out",
     )
-    parser.add_argument("--scene", type=Path, required=True, metavar="SCENE", help="scene file (TOML)")
+    add_option(parser, "--scene", required=True)
     parser.add_argument(
         "--effects",
         metavar="A,B,...",
@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="PATH=VALUE",
         help="with --effects: a size of one of them; else twice the typical one",
     )
-    parser.add_argument("--report", type=Path, metavar="OUT.html", help="with --effects: write a page")
+    add_option(parser, "--report", help="with --effects: write a page")
     add_option(parser, "--effects-file")
     add_option(parser, "--json")
     add_option(parser, "--no-trace")

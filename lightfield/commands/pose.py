@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lightfield.commands.shared.answer import answered, outputs_of
 from lightfield.commands.shared.follower import add_space, space_asked
-from lightfield.commands.shared.options import add_answer
+from lightfield.commands.shared.options import add_answer, add_option, numbers
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -20,10 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     estimate.add_argument(
         "readings", type=Path, metavar="READINGS", help="CSV, a column per element: e1, e2, ..., and time_s"
     )
-    estimate.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    add_option(estimate, "scene", help="scene file with an [array]")
     estimate.add_argument("--filter", action="store_true", help="follow a sequence with a Kalman filter, too")
     bias = tasks.add_parser("bias", help="the error of a follower that believes the formula")
-    bias.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    add_option(bias, "scene", help="scene file with an [array]")
     bias.add_argument(
         "--scattering", metavar="B,B,...", help="waters on the axis, 1/m (default 0,0.05,0.1,0.15,0.2,0.3)"
     )
@@ -51,7 +51,7 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.api.pose import bias
 
     outputs_of(args, args.scene)
-    waters = None if args.scattering is None else _numbers(args.scattering)
+    waters = None if args.scattering is None else _waters(args.scattering)
     if args.medium == "air" and any(waters or ()):
         raise UsageError("air does not scatter", where="--scattering", found=args.scattering, rule="water")
     with progress_of("pose"):
@@ -59,11 +59,9 @@ def _bias(scene: Scene, args: argparse.Namespace) -> int:
     return answered(args, answer)
 
 
-def _numbers(text: str) -> tuple[float, ...]:
-    try:
-        values = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        values = ()
-    if not values or not all(0 <= value <= 10 for value in values):
-        raise UsageError("no waters", where="--scattering", found=text, rule="numbers, 0 to 10 1/m: B,B,...")
+def _waters(text: str) -> list[float]:
+    rule = "numbers, 0 to 10 1/m: B,B,..."
+    values = numbers(text, ",", "--scattering", rule)
+    if not all(0 <= value <= 10 for value in values):
+        raise UsageError("no waters", where="--scattering", found=text, rule=rule)
     return values

@@ -21,7 +21,7 @@ MOST_ON_A_SIDE = 50
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
+    add_option(parser, "scene")
     parser.add_argument("--readings", type=Path, metavar="DATA", help="reading table to show beside it")
     add = partial(parser.add_argument, type=float)
     add(
@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="noise of one reading over the reading at the first plane (default %(default)g)",
     )  # fmt: skip
     add("--snr", default=defaults.SNR, metavar="K", help="signal over noise (default %(default)g)")
-    add("--to", metavar="M", help="farthest distance, m (default: twice the last plane or position)")
+    add_option(parser, "--to", "twice the last plane or position")
     parser.add_argument(
         "--array", type=int, metavar="N",
         help="receivers on a side (default: the scene's [array]; without one 5 x 5 on 0.4 m, curved)",

@@ -16,21 +16,9 @@ from lightfield.storage.files import locked_folder
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument(
-        "scene",
-        type=Path,
-        nargs="?",
-        metavar="SCENE",
-        help="lamp and phase function to use (default: the paper's lamp)",
-    )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("regime"),
-        metavar="DIR",
-        help="folder of the results (default: regime)",
-    )
+    what = "lamp and phase function to use (default: the paper's lamp)"
+    add_option(parser, "scene", nargs="?", help=what)
+    add_option(parser, "--output", "regime", default=Path("regime"))
     add_tracing(parser, OF_REGIME)
     add_option(parser, "--workers", "this one")
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lightfield.commands.shared.options import add_option
 from lightfield.commands.shared.tracing import add_tracing_arguments, as_text, traced
 from lightfield.errors import UsageError
 from lightfield.render.at_readings import render_positions
@@ -19,15 +20,8 @@ MOST_WAVELENGTHS = 2000  # one map each
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (TOML)")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        default=Path("render"),
-        metavar="DIR",
-        help="folder of the results (default: render)",
-    )
+    add_option(parser, "scene")
+    add_option(parser, "--output", "render", default=Path("render"))
     parser.add_argument(
         "--wavelengths",
         metavar="NM",

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from lightfield.commands.shared.follower import add_space, space_asked
+from lightfield.commands.shared.options import add_option
 from lightfield.studies.follower.elements import elements_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file with an [array]")
+    add_option(parser, "scene", help="scene file with an [array]")
     parser.add_argument(
         "--frame", default="array_link", metavar="NAME", help="of the array (default array_link)"
     )

@@ -20,13 +20,7 @@ from lightfield.sweep.zarrfile import size_on_disk
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("store", type=Path, metavar="STORE", help="what `sweep`, or `follow --vary`, wrote")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="DIR",
-        help="folder of the figures (default: the store's name + -figures)",
-    )
+    add_option(parser, "--output", help="folder of the figures (default: the store's name + -figures)")
     add_option(parser, "--case")
 
 

@@ -61,12 +61,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = EPILOG
-    parser.add_argument("scene", type=Path, nargs="?", metavar="SCENE", help="scene file (TOML)")
+    add_option(parser, "scene", nargs="?")
     add_option(parser, "--vary")
     parser.add_argument(
         "--plan", type=Path, metavar="FILE", help="dimensions and settings from a file (TOML)"
     )
-    parser.add_argument("-o", "--output", type=Path, metavar="STORE.zarr", help="the store")
+    add_option(parser, "--output", metavar="STORE.zarr", help="the store")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and what it costs, and stop")
     parser.add_argument(
         "--verify",

@@ -51,6 +51,14 @@ def assignment(text: str) -> tuple[str, float]:
 
 #: What is not given is None: each command has defaults of its own, which the help names.
 OPTIONS: dict[str, dict[str, Any]] = {
+    "scene": {"type": Path, "metavar": "SCENE", "help": "scene file (TOML)"},
+    "--scene": {"type": Path, "metavar": "SCENE", "help": "scene file (TOML)"},
+    "--with": {
+        "dest": "others", "type": Path, "action": "append", "default": [], "metavar": "SCENE",
+        "help": "another scene to run; may be repeated",
+    },
+    "--to": {"type": float, "metavar": "M", "help": "farthest distance, m (default: {})"},
+    "--output": {"type": Path, "metavar": "DIR", "help": "folder of the results (default: {})"},
     "--threads": {
         "type": thread_count, "metavar": "N", "help": "threads of the processor (default: {})"
     },
@@ -89,17 +97,32 @@ OPTIONS: dict[str, dict[str, Any]] = {
 TRACING = ("rel_error", "max_photons", "seed")
 
 
-def add_option(parser: _ActionsContainer, name: str, default: object = None) -> None:
+#: Those that have a letter, too.
+LETTERS = {"--output": "-o"}
+
+
+def add_option(parser: _ActionsContainer, name: str, shown: object = None, **other: Any) -> None:
     """Declare one of the options.
 
     Parameters
     ----------
-    default : number or str, optional
-        What the help says that it is.
+    shown : number or str, optional
+        What the help says that it is by default.
+    **other
+        What this command has otherwise: its help, a default, ...
     """
-    option = dict(OPTIONS[name])
-    shown = f"{default:g}" if isinstance(default, float) else default
-    parser.add_argument(name, **option | {"help": option["help"].format(shown)})
+    option = OPTIONS[name] | other
+    told = option["help"].format(f"{shown:g}" if isinstance(shown, float) else shown)
+    parser.add_argument(*filter(None, (LETTERS.get(name), name)), **option | {"help": told})
+
+
+def numbers(text: str, separator: str, where: str, rule: str | None = None) -> list[float]:
+    """The numbers of an option, with something between them."""
+    try:
+        return [float(part) for part in text.split(separator)]
+    except ValueError:
+        rule = rule or f"numbers between {separator!r}"
+        raise UsageError("not numbers", where=where, found=text, rule=rule) from None
 
 
 def effects_asked(args: Namespace) -> list[str]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import importlib
 import re
 from pathlib import Path
 
 import pytest
 
+from lightfield import commands
 from lightfield.commands import link, sweep
 from lightfield.commands.shared.line import COMMANDS, _module, prepared
 from lightfield.commands.shared.options import OPTIONS, photon_count, seed_number
@@ -18,16 +20,29 @@ from lightfield.render.limits import PHOTONS, SEED
 from lightfield.render.settings import Settings
 from lightfield.sweep.sweep_plan import SweepSettings
 
+#: Shared options that a command names with a default: files, and what is not traced.
+_NAMED = {"--output", "--to", "--with"}
+
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_shared_option_is_nowhere_declared_again(command: str) -> None:
+def test_a_shared_option_is_what_the_help_says_by_default(command: str) -> None:
     parser = argparse.ArgumentParser()
     importlib.import_module(_module(command)).add_arguments(parser)
     for action in parser._actions:
-        for name in set(action.option_strings) & set(OPTIONS):
-            declared = OPTIONS[name]
-            assert (action.type, action.metavar) == (declared.get("type"), declared.get("metavar")), name
+        for name in set(action.option_strings) & (set(OPTIONS) - _NAMED):
             assert action.default in (None, False), f"{name}: the command has its default, argparse none"
+
+
+def test_a_shared_option_is_nowhere_declared_again() -> None:
+    """Only where readings are compared, `--with` names effects, and no scenes."""
+    again = []
+    for module in sorted(Path(commands.__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.Call) or ast.unparse(node.func).split(".")[-1] != "add_argument":
+                continue
+            words = [one.value for one in node.args if isinstance(one, ast.Constant)]
+            again += [(module.stem, word) for word in words if word in OPTIONS]
+    assert again == [("_compare_readings", "--with")]
 
 
 @pytest.mark.parametrize("made", [Settings, SweepSettings])
