@@ -1,4 +1,5 @@
-"""Small linear algebra: orthonormal bases, and what is left of columns beside a basis."""
+"""Small linear algebra: orthonormal bases, what is left of columns beside a basis, and what others make of
+them."""
 
 from __future__ import annotations
 
@@ -60,3 +61,19 @@ def beside(basis: Array, columns: Array) -> Array:
     """Columns minus their projection on an orthonormal basis (twice, against rounding)."""
     rest = columns - basis @ (basis.T @ columns)
     return np.asarray(rest - basis @ (basis.T @ rest))
+
+
+def by_others(others: Array, columns: Array, tolerance: float | None = None) -> Array:
+    """Amplitudes of other columns, (k, m), that come nearest to some, whatever units either are in.
+
+    Parameters
+    ----------
+    others : array, shape (n, k)
+        Scaled to unit length first: a background in a small unit is a long column, beside which the rest
+        would pass for nothing.
+    columns : array, shape (n, m)
+    tolerance : float, optional
+        Combinations weaker than this part of the strongest are left out; default: those that rounding makes.
+    """
+    norm = np.linalg.norm(others, axis=0) + TINY
+    return np.asarray(np.linalg.lstsq(others / norm, columns, rcond=tolerance)[0] / norm[:, None])

@@ -18,6 +18,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit
 
+from lightfield.diagnosis.adequacy.subspace import by_others
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
@@ -79,7 +80,7 @@ def slope_errors(tried: Tried, problem: Problem) -> Mapping[str, float]:
     nearest = np.argmin(np.abs(z_m[:, None] - basis.place), axis=1)
     moved = tried.test.whiten(problem.keep[:, None] * fit.prediction[:, None] * line[nearest])
     free = ~fit.at_bound() & (np.linalg.norm(fit.jacobian, axis=0) > 0)
-    change = size * np.linalg.norm(np.linalg.lstsq(fit.jacobian[:, free], moved, rcond=_SINGULAR)[0], axis=1)
+    change = size * np.linalg.norm(by_others(fit.jacobian[:, free], moved, _SINGULAR), axis=1)
     return {
         p.path: float(c * abs(p.slope(u)))
         for p, u, c in zip(np.array(fit.model.parameters, object)[free], fit.u[free], change, strict=True)

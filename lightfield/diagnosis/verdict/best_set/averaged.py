@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
+from lightfield.diagnosis.adequacy.subspace import by_others
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.small_sets import Tried
@@ -95,7 +96,7 @@ def _moved(fit: Fit, phi: float, free: NDArray[np.intp], score: Score) -> tuple[
     """Weight of a set with an effect more; how far it moves the others, what it adds to their variances."""
     jacobian, columns, candidate = fit.jacobian[:, free], score.template.columns, score.template.candidate
     # What of the others goes with its amplitudes, and what is left of their columns beside the others.
-    along, *_ = np.linalg.lstsq(jacobian, columns, rcond=None)
+    along = by_others(jacobian, columns)
     left = columns - jacobian @ along
     absorbed = np.linalg.norm(left) < _ABSORBED * np.linalg.norm(columns)
     if absorbed and candidate.effect.direct_only:

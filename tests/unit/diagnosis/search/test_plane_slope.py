@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import Readings
@@ -17,9 +18,17 @@ SCENE = Scene.from_dict(
 )  # fmt: skip
 
 
-def absorption(seed: int) -> tuple[float, float] | None:
+def absorption(seed: int, unit: float = 1.0, background: float | None = None) -> tuple[float, float] | None:
     """Found and its error, of a lamp of 8 degrees whose planes were each read by a gain of their own; None
-    where the gains happen to be a line and no more."""
+    where the gains happen to be a line and no more.
+
+    Parameters
+    ----------
+    unit : float
+        Factor on all readings.
+    background : float, optional
+        Over the brightest reading; it is asked about as well, and an error of the dark is stated.
+    """
     rng = np.random.default_rng(seed)
     plane, x = (a.ravel() for a in np.meshgrid(np.arange(5), np.linspace(-0.6, 0.6, 13), indexing="ij"))
     z = PLANES_M[plane]
@@ -27,10 +36,14 @@ def absorption(seed: int) -> tuple[float, float] | None:
     beam = np.exp2(-((np.degrees(np.arctan2(np.abs(x), z)) / 8) ** 2))
     value = beam * z / r**3 * np.exp(-TRUE_PER_M * r) * np.exp(GAINS * rng.standard_normal(5))[plane]
     stderr = ERROR * value
+    if background is not None:
+        value = value + background * value.max()
+        stderr = np.hypot(ERROR * value, 3e-4 * value.max())
     value = value + stderr * rng.standard_normal(len(x))
-    table = Readings.from_arrays(x_m=x, y_m=0 * x, z_m=z, value=value, stderr=stderr)
-    verdict = diagnose(table, SCENE, diffuse=None, only=["plane_gain"], advise=False).verdict
-    if not verdict.best_set:
+    table = Readings.from_arrays(x_m=x, y_m=0 * x, z_m=z, value=unit * value, stderr=unit * stderr)
+    asked = ["plane_gain", *([] if background is None else ["background"])]
+    verdict = diagnose(table, SCENE, diffuse=None, only=asked, advise=False).verdict
+    if "plane_gain" not in verdict.best_set:
         return None
     found = verdict.ladder[-1].parameters["water.absorption_per_m"]
     return found.value, found.stderr
@@ -45,3 +58,11 @@ def test_a_slope_of_the_gains_is_in_the_error_of_the_absorption() -> None:
     assert 0.5 * by_slope < np.median(error) < 2.5 * by_slope
     assert np.abs(found - TRUE_PER_M).max() > by_slope
     assert (np.abs(found - TRUE_PER_M) < 3 * error).all()
+
+
+def test_it_is_there_in_any_unit() -> None:
+    """Of readings in W, beside a background in W, the error of the absorption per metre is what it was."""
+    found, error = absorption(1, background=0.02) or (0.0, 0.0)
+    for unit in (1e-6, 1e-12):
+        assert absorption(1, unit, 0.02) == pytest.approx((found, error), rel=1e-3)
+    assert error > 0.5 * GAINS / np.sqrt(((PLANES_M - PLANES_M.mean()) ** 2).sum())

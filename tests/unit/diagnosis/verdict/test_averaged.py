@@ -67,6 +67,22 @@ def test_an_effect_more_widens_errors_as_its_posterior_says(lean: float) -> None
     assert wide["slope"] == pytest.approx(max(expected, tried.fit.stderr()["slope"]), rel=0.02)
 
 
+def test_in_any_unit_of_the_level() -> None:
+    """A column that is longer by 1e15, as that of a faint background in W is, changes no other error."""
+    _, tried = toy(0.3, 3)
+    known = tried.fit
+    at = known.paths.index("level")
+    unit = np.where(np.arange(len(known.u)) == at, 1e15, 1.0)
+    level = known.model.parameters[at]
+    base = [*known.model.parameters]
+    base[at] = replace(level, low=level.low / 1e15, high=level.high / 1e15, step=level.step / 1e15)
+    model = replace(known.model, parameters=tuple(base))
+    slopes = known.jacobian * unit
+    fit = replace(known, model=model, u=known.u / unit, differentiate=lambda: slopes)
+    wide = averaged.with_an_effect_more((), known, tried.adequacy)
+    assert averaged.with_an_effect_more((), fit, tried.adequacy)["slope"] == pytest.approx(wide["slope"])
+
+
 SCENE = {
     "lamp": {"hwhm_deg": 9.5},
     "water": {"absorption_per_m": 0.13},
