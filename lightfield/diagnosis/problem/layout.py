@@ -42,7 +42,8 @@ class Layout:
     order : array of int, shape (n,)
         Readings in scan order within each channel, channels one after the other.
     position : array, shape (n,)
-        Place of each reading in the scan (0, 1, 2...; readings of one moment share it).
+        Place of each reading in the scan (0, 1, 2...): bands of one spectrum share it, and no two readings of
+        one channel.
     spectrum : array of int, shape (n,)
         Labels from 0: place, time and repeat, where each channel occurs once.
     common : array, shape (n,)
@@ -181,18 +182,44 @@ def layout_of(readings: Readings) -> Layout:
     named = np.asarray(readings.visit, float)
     if np.isfinite(named).all():
         _, visit = np.unique(np.stack([plane, named], axis=1), axis=0, return_inverse=True)
-        position = np.unique(sequence, return_inverse=True)[1] if known else np.arange(len(z))
     elif known and np.ptp(time) > 0:
         turn = np.r_[True, np.diff(plane[by_time]) != 0]
         visit = np.empty(len(z), int)
         visit[by_time] = np.cumsum(turn) - 1
-        _, position = np.unique(sequence, return_inverse=True)
     else:
-        visit, position = plane.copy(), np.arange(len(z))
-    of_spectrum = np.nan_to_num([x, y, z, time, np.asarray(readings.repeat, float)], nan=-1.0)
+        visit = plane.copy()
+    repeat = np.nan_to_num(np.asarray(readings.repeat, float), nan=-1.0)
+    position = np.arange(len(z))
+    if known and np.ptp(time) > 0:
+        moment = np.stack([sequence, air, *np.round([x, y, z], PLACE_DECIMALS)])
+        position = one_by_one(moment, repeat, channel)
+    of_spectrum = np.nan_to_num([x, y, z, time, repeat], nan=-1.0)
     spectrum = np.unique([air, *of_spectrum], axis=1, return_inverse=True)[1].ravel()
     return Layout(
         x, y, z, time, wavelength, air, channel, plane, visit,
-        np.lexsort((sequence, channel)), position.astype(float),
+        np.lexsort((position, channel)), position.astype(float),
         spectrum, np.nan_to_num(np.asarray(readings.common_percent, float)) / 100,
     )  # fmt: skip
+
+
+def one_by_one(moment: Array, repeat: Array, channel: Labels) -> Labels:
+    """Places in the scan, shape (n,): those of one time by place, and there one after the other by repeat.
+
+    A correlation along the scan is that of a reading with the next. Repeats and sensors that share a time are
+    readings all the same, each with noise of its own.
+
+    Parameters
+    ----------
+    moment : array, shape (k, n)
+        Time, first, and place.
+    repeat : array, shape (n,)
+    channel : array of int, shape (n,)
+        Readings of several channels at one moment are one spectrum.
+    """
+    at = np.unique(moment, axis=1, return_inverse=True)[1].ravel()
+    order = np.lexsort((repeat, channel, at))
+    first = np.r_[True, (np.diff(at[order]) != 0) | (np.diff(channel[order]) != 0)]
+    since = np.arange(len(order)) - np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))
+    place = np.empty((2, len(order)), int)
+    place[:, order] = at[order], since
+    return np.asarray(np.unique(place, axis=1, return_inverse=True)[1].ravel())

@@ -34,8 +34,6 @@ _AT_ONCE = 512
 #: The shared covariance of so many readings is kept while their factor is made. Beside errors of photons they
 #: are whitened as one: what 1495 of these share takes 957 columns, and as long to tell as the whole factor.
 _KEPT_WHOLE = 1500
-#: Added to a correlation matrix, so that readings of one moment leave it positive definite.
-_JITTER = 1e-9
 #: Photons' variance over a reading's own from which on products of their contributions are double precision:
 #: rounded singly they leave a covariance of 1000 readings that is none from a million times on.
 _SINGLE = 1e3
@@ -266,7 +264,6 @@ class Noise:
         if not lay.one_channel:
             channel = lay.channel if rows is None else lay.channel[rows]
             out *= channel[:, None] == channel[None]
-        out[np.diag_indices(len(out))] += _JITTER
         return np.asarray(out)
 
     def covariance(self, rho: float, phi: float, tolerance: float, rows: Labels | None = None) -> Array:

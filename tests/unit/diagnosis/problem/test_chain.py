@@ -15,7 +15,7 @@ from lightfield.diagnosis.adequacy.scale import scale_along
 from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem.chain import fewer_columns, low_rank
 from lightfield.diagnosis.problem.dense import DenseFactor
-from lightfield.diagnosis.problem.layout import Layout
+from lightfield.diagnosis.problem.layout import Layout, one_by_one
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.whitening import Whitener
 
@@ -27,9 +27,10 @@ def layout(n: int, rng: np.random.Generator, stays: int = 3, channels: int = 2, 
     places, air = rng.normal(0, 1, (3, n)), rng.random(n) < 0.3
     if ties:
         places, air = places[:, time.astype(int)], air[time.astype(int)]
+    scan = one_by_one(time[None], np.zeros(n), channel).astype(float)
     return Layout(
         *places, time, np.where(channel, 500.0, 600.0), air, channel,
-        rng.integers(0, 4, n), rng.integers(0, stays, n), np.lexsort((time, channel)), time,
+        rng.integers(0, 4, n), rng.integers(0, stays, n), np.lexsort((scan, channel)), scan,
         np.unique(time, return_inverse=True)[1], 0.01 * ties * np.random.default_rng(n).random(n),
     )  # fmt: skip
 

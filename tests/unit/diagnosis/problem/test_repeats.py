@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from analytic_readings import readings
+from analytic_readings import readings, scene
 
+from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.repeats import plane_gain_error, repeats_of
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT, budget_of
 from lightfield.readings import Readings
@@ -135,3 +137,46 @@ def test_readings_of_one_visit_are_not_repeats_of_it() -> None:
     named = Readings.from_arrays(**columns, time_s=np.arange(n) * 10.0, visit=np.arange(n) // 2)
     found = repeats_of(named)
     assert found is not None and found.visits == 4
+
+
+def three_at_once(seed: int, apart_s: float) -> Readings:
+    """A lamp 4 cm aside, read three times at every place at times so far apart: by a formula of its own."""
+    rng = np.random.default_rng(seed)
+    x, z = (a.ravel() for a in np.meshgrid(np.linspace(-0.9, 0.9, 11), np.arange(4.5, 9.0), indexing="ij"))
+    at = rng.permutation(len(x)).repeat(3)
+    x, z, repeat = x[at], z[at], np.tile(np.arange(3), 55)
+    r = np.hypot(x - 0.04, z)
+    light = np.exp2(-((np.degrees(np.arctan2(x - 0.04, z)) / 4) ** 2)) * z / r**3 * np.exp(-0.12 * r)
+    value = light / light.max()
+    stderr = np.hypot(0.005 * value, 8e-4)
+    return Readings.from_arrays(
+        x_m=x, z_m=z, value=value + stderr * rng.standard_normal(len(x)), stderr=stderr, repeat=repeat,
+        time_s=60.0 * np.arange(55).repeat(3) + apart_s * repeat, quantity="irradiance",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_repeats_of_one_time_tell_as_much_as_those_of_three(seed: int) -> None:
+    """Each has noise of its own, also where the noise of neighbours in the scan goes together a little."""
+    sizes = []
+    for apart_s in (0.0, 2.0):
+        table = three_at_once(seed, apart_s)
+        verdict = diagnose(table, scene(), diffuse=None, only=["beam_offset", "background"]).verdict
+        assert (verdict.verdict, verdict.effects) == ("identified", ["beam_offset"])
+        assert verdict.ladder[-1].chi2_per_dof == pytest.approx(1, abs=4 * np.sqrt(2 / len(table)))
+        sizes.append(verdict.found[0].parameters["lamp.offset_x_m"])
+    one, other = sizes
+    assert one.value == pytest.approx(other.value, abs=0.05 * other.stderr)
+    assert one.stderr == pytest.approx(other.stderr, rel=0.1) and abs(one.value - 0.04) < 4 * one.stderr
+
+
+def test_no_two_readings_of_a_band_share_a_place_in_the_scan_and_bands_of_a_spectrum_do() -> None:
+    n = 4
+    table = Readings.from_arrays(
+        x_m=[0.1, 0.2] * 2 * n, z_m=4.0, value=[1.0] * 16, stderr=0.01, repeat=[0, 0, 1, 1] * n,
+        wavelength_nm=np.repeat([450.0, 550.0], 2 * n), time_s=np.tile(np.repeat([0.0, 9.0], 4), 2),
+    )  # fmt: skip
+    layout = layout_of(table)
+    # At one time by place, there by repeat: 0.1 m and its repeat, 0.2 m and its repeat.
+    one = np.array([0, 2, 1, 3, 4, 6, 5, 7])
+    np.testing.assert_array_equal(layout.position, np.r_[one, one])
