@@ -64,7 +64,8 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
         return np.asarray(top * np.sqrt(ASSUMED_FLOOR**2 + (ASSUMED_RELATIVE * level) ** 2))
     known = np.isfinite(quoted) & (quoted > 0)
     variance = (quoted[known] / top) ** 2
-    fitted = np.full(known.sum(), np.median(variance))
+    # Neither what was marked as poor on purpose nor what is far too small leads the first fit.
+    fitted = np.maximum(variance, np.median(variance))
     robust = np.ones_like(fitted)
     curve = np.zeros(3)
     for _ in range(_CURVE_ROUNDS):
@@ -73,7 +74,8 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
         fitted = np.maximum(basis[known] @ curve, _SMALLEST_VARIANCE * np.median(variance))
         misfit = np.log(variance / fitted)
         spread = MAD_TO_SIGMA * np.median(np.abs(misfit - np.median(misfit))) + _LEAST_SPREAD
-        robust = 1 / (1 + (misfit / (_HALF_WEIGHT * spread)) ** 2)
+        # A sum of squares feels a tall variance in proportion, of which no weight of its logarithm takes all.
+        robust = np.minimum(1.0, _TALL**2 * fitted / variance) / (1 + (misfit / (_HALF_WEIGHT * spread)) ** 2)
     smooth = np.maximum(basis @ curve, _SMALLEST_VARIANCE * np.median(variance))
     factor = np.ones_like(smooth)
     for label in np.unique(group):

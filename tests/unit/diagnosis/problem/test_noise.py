@@ -55,6 +55,19 @@ def test_a_reading_marked_as_poor_stays_poor() -> None:
     assert smooth[18] < 2 * 0.01 * level[18]
 
 
+@pytest.mark.parametrize("times", [1e-4, 100, 1e4, 1e6])
+@pytest.mark.parametrize("poor", [1, 5])
+def test_what_is_marked_as_poor_says_nothing_of_the_others(times: float, poor: int) -> None:
+    """As `import` does of repeats one of which is wild: the others have the errors that they state."""
+    level = 10 ** np.linspace(-3, 0, 75)
+    true = np.hypot(0.005 * level, 8e-4)
+    quoted = true.copy()
+    quoted[40 : 40 + poor] *= times
+    others = np.delete(np.arange(75), np.arange(40, 40 + poor))
+    smooth = smooth_stderr(quoted, level, np.zeros(75, int))
+    np.testing.assert_allclose(smooth[others], true[others], rtol=1e-3)
+
+
 def test_whitened_noise_is_white() -> None:
     """Draws from the covariance, whitened, have unit variance and no correlation (20000 draws: 1 %)."""
     lay = layout(3, 5)
