@@ -5,7 +5,7 @@ Everything is linear about the scene: an effect is its template, the base model 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,9 +13,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.score_tests import Adequacy
-from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
-from lightfield.diagnosis.adequacy.templates import slope_at
+from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, by_others, combined, orthonormal
+from lightfield.diagnosis.adequacy.templates import bank
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
@@ -38,6 +38,7 @@ from lightfield.diagnosis.verdict.advice import (
     Advice,
     Way,
     best_places,
+    error_curve,
     error_of_mean,
     own_error,
     possible_places,
@@ -157,7 +158,7 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     untestable = {name: why for name, why in untestable.items() if name not in by_gain}
     limits = detection_limits(adequacy, 1.0) | by_gain
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
-    helpful = _helpful(forward, problem, base, adequacy, found)
+    helpful = _helpful(forward, problem, base, adequacy, found, noise)
     return LayoutPlan(
         limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed
     )
@@ -182,35 +183,44 @@ def _sizes(adequacy: Adequacy) -> dict[str, float]:
     return out
 
 
-class _Elsewhere(NamedTuple):
-    """An effect at other places: slope in its first amplitude, and error of the light at its size, (n,)."""
+class _Effect(NamedTuple):
+    """What an effect does, a column for each amplitude of every form at every shape, whitened where readings
+    are and plain at n other places; and the error of its light there at its size, shape (n,)."""
 
-    column: Array
+    here: Array
+    there: Array
     own: Array
 
 
-def _columns(
-    problem: Problem, base: Fit, sizes: Mapping[str, float], forward: SceneForward
-) -> tuple[Array, dict[str, _Elsewhere]]:
-    """Derivatives of readings elsewhere: base parameters (n, k), and each effect."""
+def _effects(
+    problem: Problem, base: Fit, scores: Sequence[Score], sizes: Mapping[str, float], forward: SceneForward
+) -> dict[str, _Effect]:
+    """The effects that are seen, here and elsewhere: first of each its column that has the size."""
     at = forward.predict(base.values)
-    slopes = replace(base.model, forward=forward).jacobian(base.u, at)
-    out: dict[str, _Elsewhere] = {}
-    for candidate in problem.candidates:
-        if candidate.name in sizes and candidate.name not in out:
-            shape = candidate.grid[0]
-            values = base.values | {p.path: p.value(s) for p, s in zip(candidate.shapes, shape, strict=True)}
-            first = candidate.amplitudes[0]
-            typical = candidate.typical[0] * np.sign(first.step_from(first.start))
-            grown = values | {first.path: first.value(first.start + typical)}
-            column = slope_at(forward, values, first, at)
-            own = own_error(forward, grown) * abs(sizes[candidate.name] / typical)
-            out[candidate.name] = _Elsewhere(column, own)
-    return slopes, out
+    there = replace(base, model=replace(base.model, forward=forward), prediction=at)
+    elsewhere = bank(replace(problem, forward=forward, keep=np.ones(forward.size)), there, _identity)
+    out: dict[str, _Effect] = {}
+    for score, template in zip(scores, elsewhere, strict=True):
+        candidate = score.template.candidate
+        name, here = candidate.name, score.template.columns
+        if not score.testable or name not in sizes:
+            continue
+        if name in out:
+            known = out[name]
+            both = np.hstack([known.here, here]), np.hstack([known.there, template.columns])
+            out[name] = _Effect(*both, known.own)
+            continue
+        first = candidate.amplitudes[0]
+        typical = candidate.typical[0] * np.sign(first.step_from(first.start))
+        shape = {p.path: p.value(s) for p, s in zip(candidate.shapes, template.shape, strict=True)}
+        grown = base.values | shape | {first.path: first.value(first.start + typical)}
+        own = own_error(forward, grown) * abs(sizes[name] / typical)
+        out[name] = _Effect(here, template.columns, own)
+    return out
 
 
 def _helpful(
-    forward: SceneForward, problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability
+    forward: SceneForward, problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability, noise: Noise
 ) -> list[Helpful]:
     """For each pair that is seen and not told apart: the best extra readings, best improvement first."""
     layout = problem.layout
@@ -220,23 +230,21 @@ def _helpful(
     medium = np.where(places.air > 0, "air", "water")
     time = np.full(n, last)
     there = forward.at(ROUGH, x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=time)
-    slopes, away = _columns(problem, base, dict(zip(found.names, found.sizes, strict=True)), there)
     light = there.predict(base.values)
-    noise = np.hypot(ASSUMED_RELATIVE * light, ASSUMED_FLOOR)
-    here = {
-        s.template.candidate.name: s.template.columns[:, 0] for s in reversed(adequacy.scores) if s.testable
-    }
+    slopes = replace(base.model, forward=there).jacobian(base.u, light)
+    known = _effects(problem, base, adequacy.scores, dict(zip(found.names, found.sizes, strict=True)), there)
+    sigma = error_curve(noise, 1.0)(light)
     out = []
     for j, one in enumerate(found.names):
         for k in range(j + 1, len(found.names)):
             two = found.names[k]
             alike = min(found.D[j, k], found.D[k, j]) < SAME_CLASS_SIGMA
             seen = min(found.delta[j], found.delta[k]) >= DETECTABLE_SIGMA
-            if not (alike and seen) or one not in away or two not in away:
+            if not (alike and seen):
                 continue
-            error = error_of_mean(noise, light, np.maximum(away[one].own, away[two].own))
+            error = error_of_mean(sigma, light, np.maximum(known[one].own, known[two].own))
             ways = [
-                _way(base, here[a], here[b], size, slopes, away[a].column, away[b].column, error)
+                _way(base, known[a], known[b], size, slopes, error)
                 for a, b, size in ((one, two, found.sizes[j]), (two, one, found.sizes[k]))
             ]
             best = best_places(ways, places)
@@ -245,23 +253,26 @@ def _helpful(
     return sorted(out, key=lambda h: h.advice.now_sigma - h.advice.predicted_sigma)
 
 
-def _way(
-    base: Fit,
-    truth: Array,
-    rival: Array,
-    size: float,
-    slopes: Array,
-    truth_there: Array,
-    rival_there: Array,
-    error: Array,
-) -> Way:
-    """Everything linear: truth and rival are columns, the first at some size."""
-    tangent = np.column_stack([base.jacobian, rival])
-    scale = np.linalg.norm(tangent, axis=0)
-    step = np.linalg.lstsq(tangent / scale, size * truth, rcond=INDEPENDENT)[0] / scale
-    rest = beside(orthonormal(tangent, INDEPENDENT), (size * truth)[:, None])[:, 0]
-    there = np.column_stack([slopes, rival_there])
-    difference = (size * truth_there - there @ step) / error
+def _way(base: Fit, truth: _Effect, rival: _Effect, size: float, slopes: Array, error: Array) -> Way:
+    """Everything linear: a column of the truth at some size, and all that the rival can do, as `isolability`
+    has it.
+
+    Parameters
+    ----------
+    slopes : array, shape (n, n_parameters)
+        Of the base model at the other places.
+    error : array, shape (n,)
+    """
+    left = beside(orthonormal(base.jacobian, INDEPENDENT), rival.here)
+    told = combined(left.T @ left)  # combinations that the readings tell apart
+    column, moves = size * truth.here[:, 0], np.column_stack([base.jacobian, rival.here @ told])
+    step = by_others(moves, column[:, None], INDEPENDENT)[:, 0]
+    rest = column - moves @ step
+    # What readings elsewhere would tell apart besides gives way to them, too.
+    tangent, there = np.column_stack([base.jacobian, rival.here]), np.column_stack([slopes, rival.there])
+    of_base = len(base.u)
+    step = np.r_[step[:of_base], told @ step[of_base:]]
+    difference = (size * truth.there[:, 0] - there @ step) / error
     information = tangent.T @ tangent
     information += np.diag(INDEPENDENT * np.diag(information))
     return Way(float(rest @ rest), difference, there / error[:, None], information)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.preparation import Prepared
@@ -217,7 +218,7 @@ def where_next(
         medium=np.where(places.air > 0, "air", "water"),
         time_s=np.full(n, last),
     )
-    sigma = _sigma_curve(prepared, level.bench.phi * level.phi)
+    sigma = error_curve(prepared.noise, level.bench.phi * level.phi)
     pairs = ((one, two), (two, one))
     ways = [_way(problem, finding.whiten, a.fit, b, there, sigma, level.phi) for a, b in pairs]
     best = best_places(ways, places)
@@ -239,10 +240,16 @@ def where_next(
     )
 
 
-def _sigma_curve(prepared: Prepared, scale: float) -> Callable[[Array], Array]:
-    """Standard error of a reading from its prediction, interpolated over the readings at hand."""
-    order = np.argsort(prepared.noise.prediction)
-    level, sigma = prepared.noise.prediction[order], prepared.noise.sigma[order]
+def error_curve(noise: Noise, scale: float) -> Callable[[Array], Array]:
+    """Standard error of a reading from its prediction, interpolated over the readings at hand.
+
+    Parameters
+    ----------
+    scale : float
+        Variance over the stated one.
+    """
+    order = np.argsort(noise.prediction)
+    level, sigma = noise.prediction[order], noise.sigma[order]
 
     def curve(prediction: Array) -> Array:
         quoted = np.interp(prediction, level, sigma)

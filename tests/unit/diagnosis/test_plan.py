@@ -1,0 +1,81 @@
+"""What a plan promises of readings to add: the same in any unit, and true once the layout has them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lightfield.diagnosis.plan import LayoutPlan, plan, planned
+from lightfield.readings import Readings
+from lightfield.scene import Scene
+
+SCENE = Scene.from_dict({"lamp": {"hwhm_deg": 4.0}, "water": {"absorption_per_m": 0.12}})
+#: Part of the brightest planned reading that the dark error is, over the relative one.
+DARK = 0.1
+
+
+def layout(**more: object) -> Readings:
+    """Seven places on a line at three distances, read in random order."""
+    z, x = (a.ravel() for a in np.meshgrid([4.5, 6.5, 8.5], np.linspace(-0.9, 0.9, 7), indexing="ij"))
+    order = np.random.default_rng(1).permutation(21)
+    return Readings.from_arrays(
+        x_m=x[order], z_m=z[order], time_s=20.0 * np.arange(21), repeat=0.0, value=np.ones(21),
+        quantity="irradiance", **more,
+    )  # fmt: skip
+
+
+def known(table: Readings, error: float, brightest: float) -> Readings:
+    """With errors in per cent and of the dark, which belongs to a brightest reading."""
+    value = planned(table, SCENE).value
+    full = brightest * value.max()
+    return replace(table, stderr=np.hypot(error * value, DARK * error * full))
+
+
+def with_advice(table: Readings, made: LayoutPlan, k: int) -> Readings:
+    """The layout with the readings that one advice asks for, repeated as it says, at the end."""
+    advice, n = made.helpful[k].advice, len(table)
+    rows = np.r_[np.arange(n), np.zeros(len(advice.places.x_m) * advice.repeats, int)]
+    x, y, z = (
+        np.r_[getattr(table, name), np.repeat(getattr(advice.places, name), advice.repeats)]
+        for name in ("x_m", "y_m", "z_m")
+    )
+    time = np.r_[table.time_s, np.full(len(rows) - n, table.time_s.max())]
+    repeat = np.r_[np.zeros(n), np.tile(1.0 + np.arange(advice.repeats), len(advice.places.x_m))]
+    return replace(table.subset(rows), x_m=x, y_m=y, z_m=z, time_s=time, repeat=repeat)
+
+
+@pytest.mark.parametrize("error", [0.01, 0.03])
+def test_what_is_promised_of_more_readings_comes_true(error: float) -> None:
+    """The plan of the layout with them has the distance that was promised, at the sizes of the first."""
+    table = layout()
+    made = plan(known(table, error, 1.0), SCENE)
+    first = made.isolability
+    assert made.helpful
+    for k, helpful in enumerate(made.helpful):
+        more = with_advice(table, made, k)
+        value = planned(more, SCENE).value
+        later = plan(known(more, error, value[: len(table)].max() / value.max()), SCENE).isolability
+        now, then = [], []
+        for one, two in (helpful.between, helpful.between[::-1]):
+            a, b = first.names.index(one), first.names.index(two)
+            i, j = later.names.index(one), later.names.index(two)
+            now.append(first.D[a, b])
+            then.append(later.D[i, j] * first.sizes[a] / later.sizes[i])
+        assert helpful.advice.now_sigma == pytest.approx(min(now), rel=0.02), helpful.between
+        assert helpful.advice.predicted_sigma == pytest.approx(min(then), rel=0.1), helpful.between
+
+
+@pytest.mark.parametrize("units", ["W m^-2 nm^-1", "uW/cm^2/nm"])
+def test_it_is_promised_in_any_unit(units: str) -> None:
+    """But for what is hardly worth the advice: the calibration of absolute readings is known besides."""
+
+    def promised(**scale: str) -> dict[tuple[str, str], float]:
+        made = plan(layout(wavelength_nm=525.0, **scale), SCENE)
+        sigmas = {one.between: one.advice.predicted_sigma for one in made.helpful}
+        return {pair: sigma for pair, sigma in sigmas.items() if sigma > 5}
+
+    relative = promised(scale="relative")
+    assert len(relative) == 2
+    assert promised(scale="absolute", units=units) == pytest.approx(relative, rel=0.02)
