@@ -20,6 +20,7 @@ from lightfield.studies.link.text import (
     reported_rows,
     rows,
 )
+from lightfield.studies.working_range.text import UNTOLD
 
 DASH = (0, (5, 2))
 #: Below this many errors per bit a figure shows none.
@@ -46,19 +47,26 @@ def reach_figure(found: Link, narrow: bool = False) -> Figure:
         far = float(z[-1])
         for k, name in enumerate(names):
             reach, y = found.reaches[name], len(names) - k
-            for at, formula, most, above, words in (
-                (reach.data_m, reach.data_formula_m, far, 0.18, "data"),
-                (reach.docking.z_m, reach.docking.formula_m, found.docking_to_m, -0.18, "docking"),
+            docking = reach.docking
+            for at, near, formula, most, above, words in (
+                (reach.data_m, np.nan, reach.data_formula_m, far, 0.18, "data"),
+                (docking.z_m, docking.from_m, docking.formula_m, found.docking_to_m, -0.18, "docking"),
             ):
-                length = most if np.isinf(at) else 0.0 if np.isnan(at) else at
-                right.barh(y + above, length, height=0.32, color=SERIES[k % len(SERIES)], alpha=0.45)
+                length, begin = (0.0 if np.isnan(v) else min(v, most) for v in (at, near))
+                right.barh(
+                    y + above, length - begin, left=begin, height=0.32, color=SERIES[k % len(SERIES)],
+                    alpha=0.45,
+                )  # fmt: skip
                 straight = most if np.isinf(formula) else 0.0 if np.isnan(formula) else formula
                 right.plot([straight] * 2, [y + above - 0.16, y + above + 0.16], color=INK, linewidth=2)
-                shown = f"{words}: > {most:g} m" if np.isinf(at) else f"{words}: {length:.1f} m"
+                shown = f"> {most:g} m" if np.isinf(at) else f"{length:.1f} m"
+                if np.isfinite(near):
+                    shown = f"{near:.1f} m to {shown}"
                 if np.isnan(at):
-                    shown = f"{words}: nowhere from {z[0]:g} m on"
+                    told = words == "data" or docking.is_told
+                    shown = f"nowhere from {z[0]:g} m on" if told else UNTOLD
                 right.annotate(
-                    shown,
+                    f"{words}: {shown}",
                     (max(length, straight), y + above),
                     (5, 0),
                     textcoords="offset points",

@@ -139,7 +139,11 @@ def range_page(found: WorkingRange) -> str:
         "pose", f"{dashed}{bands}Red: what docking asks.",
         "Least standard errors of a pose against distance", pose_figure, found,
     )  # fmt: skip
-    told = "± is one standard error of the render." if found.traced else "By direct light alone."
+    told = (
+        "± is one standard error of the render; what is sure holds with bounds two of them worse, too."
+        if found.traced
+        else "By direct light alone."
+    )
     table = Table(told, ("up to", *columns(found)), rows(found))
     sections = [
         Section("How far", (light,), (), (table,)),

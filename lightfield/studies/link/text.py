@@ -13,7 +13,8 @@ from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.link.receiver import SEEN_HZ, SEEN_SNR
 from lightfield.studies.link.reported import REPORTED
 from lightfield.studies.link.study import Link
-from lightfield.studies.working_range.text import POSE_WORDS
+from lightfield.studies.working_range.reaches import Reach
+from lightfield.studies.working_range.text import POSE_WORDS, UNTOLD
 
 
 def headline(found: Link) -> str:
@@ -61,7 +62,7 @@ def rows(found: Link) -> list[list[str]]:
         table.append([
             name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far, least=least),
             *(reached(at, most=far, least=least) for at in (r.data_with_echoes_m, r.data_formula_m)),
-            reached(docking.z_m, docking.stderr_m, docking.from_m, near, least),
+            docked(docking, near, least),
             reached(docking.formula_m, from_m=docking.formula_from_m, most=near, least=least),
             reached(r.seen_m, r.seen_stderr_m, most=far, least=least),
             reached(r.seen_formula_m, most=far, least=least),
@@ -117,7 +118,7 @@ def as_text(found: Link) -> str:
     receiver = found.receiver
     lines = [headline(found), ""]
     for row in [list(HEAD), *rows(found)]:
-        lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f"{cell:>23}" for cell in row[2:]))
+        lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f" {cell:>22}" for cell in row[2:]))
     reported = "; ".join(f"{r.as_text()} ({r.water}; {r.source})" for r in REPORTED)
     return "\n".join([
         *lines, bandwidth_sentence(found), *asked_words(found),
@@ -139,15 +140,24 @@ def reached(
     from_m: float = float("nan"),
     most: float = 0.0,
     least: float = 0.0,
+    from_stderr: float = float("nan"),
 ) -> str:
     """A distance with its error, or that it lies beyond what was asked; and where it begins to hold."""
     if np.isfinite(from_m):
-        return f"{from_m:.1f} m to {reached(value, stderr, most=most)}"
+        return f"{reached(from_m, from_stderr)} to {reached(value, stderr, most=most)}"
     if np.isnan(value):
         return f"nowhere from {least:g} m on" if least else "nowhere"
     if np.isinf(value):
         return f"> {most:g} m" if most else "farther than asked"
     return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"
+
+
+def docked(reach: Reach, most: float, least: float) -> str:
+    """Where an array knows its pose well enough, as far as the photons tell."""
+    if not reach.is_told:
+        return UNTOLD
+    words = reached(reach.z_m, reach.stderr_m, reach.from_m, most, least, reach.from_stderr_m)
+    return f"{words} ({reach.sure_m:.1f} m for sure)" if np.isfinite(reach.sure_m) else words
 
 
 def as_data(found: Link) -> dict[str, Any]:

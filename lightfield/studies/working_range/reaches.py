@@ -10,7 +10,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.optimize import brentq
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.scene import Scene
 from lightfield.studies.follower.information import Bound
 from lightfield.studies.follower.survey import DOCKING
@@ -27,6 +27,8 @@ RELATIVE = "_relative"
 #: Part of a bound by which two ways of smoothing one trace differ (0.5 % at 9 m, 1.3 % at 15 m): beside what
 #: the photons leave.
 SMOOTHED = 0.01
+#: A bound is surely good where it is with so many of its errors more: one in forty is worse by chance.
+_SURE = 2.0
 #: What cannot be known at all, in m and rad, for logarithms.
 _UNKNOWN = 1e6
 #: Steps on which distances are looked for, and distances at which poses are asked about.
@@ -42,11 +44,17 @@ class Reach:
     name : str
         "light", "signal", "pose" or "pose_" and one of `POSE_RULES`, these also with `RELATIVE`.
     z_m, stderr_m : float
-        With scattered and reflected light; infinite where it still holds at the farthest distance asked.
+        With scattered and reflected light; infinite where it still holds at the farthest distance asked. NaN
+        with an infinite error: too few photons tell whether it holds anywhere.
     formula_m : float
         By direct light alone.
     from_m, formula_from_m : float
         Where it begins to hold, if not at the nearest distance asked; else NaN.
+    from_stderr_m : float
+        Error of `from_m`.
+    sure_m : float
+        Where `z_m` is infinite, and photons leave the farthest distances in doubt: up to where it holds all
+        the same; else NaN.
     """
 
     name: str
@@ -55,6 +63,13 @@ class Reach:
     formula_m: float
     from_m: float = float("nan")
     formula_from_m: float = float("nan")
+    from_stderr_m: float = float("nan")
+    sure_m: float = float("nan")
+
+    @property
+    def is_told(self) -> bool:
+        """Do the photons tell whether it holds anywhere?"""
+        return not (np.isnan(self.z_m) and np.isinf(self.stderr_m))
 
 
 def docking_reach(scene: Scene, from_m: float, to_m: float, *, photons: float) -> Reach:
@@ -99,30 +114,43 @@ def pose_reaches(data: xr.Dataset, fine: Array) -> list[Reach]:
 
 
 def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> Reach:
-    """The last stretch of distances on which a logarithm is below 0; `doubt` is its error."""
-    near, far = _stretch(z, over)
-    stderr = float("nan")
-    if np.isfinite(far):
-        stderr = float(np.interp(far, z, doubt) / np.abs(np.interp(far, z, np.gradient(over, z))))
-    formula_near, formula_far = _stretch(z, formula)
-    begins = (at if at > z[0] else float("nan") for at in (near, formula_near))
-    return Reach(name, far, stderr, formula_far, *begins)
+    """The last stretch of distances on which a logarithm is surely below 0; `doubt` is its relative error.
+
+    What few photons leave of far light looks like information: a stretch that is not good with an error
+    `_SURE` times as large as well is none.
+    """
+    nothing = float("nan")
+    formula_near, formula_far = _stretch(z, formula, formula <= 0)
+    of_formula = formula_near if formula_near > z[0] else nothing
+    worse = over + np.log1p(_SURE * doubt)
+    if (over <= 0).any() and not (worse <= 0).any():
+        return Reach(name, nothing, float("inf"), formula_far, formula_from_m=of_formula)
+    near, far = _stretch(z, over, worse <= 0)
+    sure = _stretch(z, worse, worse <= 0)[1]
+
+    def error(at: float) -> float:
+        return float(np.interp(at, z, doubt) / np.abs(np.interp(at, z, np.gradient(over, z))))
+
+    begins, ends = near > z[0], np.isfinite(far)
+    return Reach(
+        name, far, error(far) if ends else nothing, formula_far, near if begins else nothing, of_formula,
+        error(near) if begins else nothing, nothing if ends or np.isinf(sure) else sure,
+    )  # fmt: skip
 
 
-def _stretch(z: Array, over: Array) -> tuple[float, float]:
-    """Ends of the farthest stretch on which `over` is not above 0; NaN if there is none."""
-    good = np.flatnonzero(over <= 0)
-    if not good.size:
+def _stretch(z: Array, over: Array, counts: Mask) -> tuple[float, float]:
+    """Ends of the farthest stretch on which `over` is not above 0, and which counts somewhere; NaN: none."""
+    if not counts.any():
         return float("nan"), float("nan")
-    last = int(good[-1])
-    before = np.flatnonzero(over[:last] > 0)
-    first = int(before[-1]) if before.size else -1
+    within = int(np.flatnonzero(counts)[-1])
+    bad = np.flatnonzero(over > 0)
+    before, after = bad[bad < within], bad[bad > within]
 
     def crossing(k: int) -> float:
         return float(z[k] + (z[k + 1] - z[k]) * over[k] / (over[k] - over[k + 1]))
 
-    near = crossing(first) if first >= 0 else float(z[0])
-    return near, float("inf") if last == len(z) - 1 else crossing(last)
+    near = crossing(int(before[-1])) if before.size else float(z[0])
+    return near, crossing(int(after[0]) - 1) if after.size else float("inf")
 
 
 def pose_sigmas(known: Sequence[Known], at: Array, z: Array) -> dict[str, tuple[str, Array, dict[str, str]]]:

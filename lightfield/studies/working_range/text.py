@@ -52,6 +52,8 @@ def array_sentence(found: WorkingRange) -> str:
     )
 
 
+#: What so few photons leave open.
+UNTOLD = "too few photons to say"
 #: What a flat array cannot tell.
 FLAT = "A flat array that faces the lamp trades yaw against a step aside: a curved one tells them apart."
 
@@ -106,17 +108,21 @@ def rows(found: WorkingRange) -> list[list[str]]:
 
 def distance(reach: Reach) -> str:
     """A distance with its error."""
-    # No error is none: what is smaller than the last digit is that digit.
-    error = (
-        f" ± {max(reach.stderr_m, 0.01):.2f}" if np.isfinite(reach.stderr_m) and reach.stderr_m > 0 else ""
-    )
-    far = f"{reach.z_m:.2f}{error} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
-    return _from(reach.from_m) + far
+    if not reach.is_told:
+        return UNTOLD
+    far = f"{reach.z_m:.2f}{_pm(reach.stderr_m)} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
+    sure = f" (for sure to {reach.sure_m:.2f} m)" if np.isfinite(reach.sure_m) else ""
+    return _from(reach.from_m, reach.from_stderr_m) + far + sure
 
 
-def _from(near_m: float) -> str:
+def _pm(stderr: float) -> str:
+    """An error behind its number. No error is none: what is smaller than the last digit is that digit."""
+    return f" ± {max(stderr, 0.01):.2f}" if np.isfinite(stderr) and stderr > 0 else ""
+
+
+def _from(near_m: float, stderr_m: float = 0.0) -> str:
     """Where it begins to hold, if not at once."""
-    return f"{near_m:.2f} m to " if np.isfinite(near_m) else ""
+    return f"{near_m:.2f}{_pm(stderr_m)} m to " if np.isfinite(near_m) else ""
 
 
 def distance_or_none(value: float) -> str:
@@ -138,6 +144,9 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
                 "stderr_m": finite(r.stderr_m),
                 "formula_m": finite(r.formula_m),
                 "from_m": finite(r.from_m),
+                "from_stderr_m": finite(r.from_stderr_m),
+                "sure_m": finite(r.sure_m),
+                "told": r.is_told,
                 "formula_from_m": finite(r.formula_from_m),
                 "beyond_all_asked": bool(np.isinf(r.z_m)),
             }
