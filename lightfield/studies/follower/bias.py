@@ -11,7 +11,7 @@ doi:10.1109/MSP.2017.2738017). The formula is calibrated in one of four ways.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,7 @@ from lightfield.studies.follower.array_light import (
 )
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
-from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.frames import POSE, poses_on_axis
 from lightfield.studies.follower.information import NOTHING_M, inverse, is_told
 from lightfield.studies.follower.pose_search import find_minima
 from lightfield.studies.follower.survey import array_of
@@ -54,19 +54,35 @@ CALIBRATIONS = (EXACT, FITTED, CLEAR, RELATIVE)
 CLEAR_PER_M = 0.02
 #: Waters that are looked at where none are named, 1/m: from none to that of a harbour.
 SCATTERING_PER_M = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
+#: Attenuation by which paths through water are told, 1/m.
+_TRIED_PER_M = 0.1
 #: Places of a map across and along the formation space.
 ACROSS, ALONG = 5, 5
 
 
 def reading_on_axis(light: Light, z_m: float) -> float:
-    """Reading of a receiver on the tank's axis that faces the lamp, 1/m^2."""
-    return float(light.reading(np.array([[0.0, 0.0, z_m]]), np.array([[0.0, 0.0, -1.0]]))[0])
+    """Reading on the beam's axis of a receiver that faces along the tank, 1/m^2."""
+    place = poses_on_axis(light.scene.lamp, np.array([z_m]))[:, :3]
+    return float(light.reading(place, np.array([[0.0, 0.0, -1.0]]))[0])
 
 
 def slope_per_m(light: Light, near_m: float, far_m: float) -> float:
-    """K of ln(E z^2) on the tank's axis between two distances, 1/m: what Beer-Lambert makes of it."""
-    first, last = (reading_on_axis(light, z) * z**2 for z in (near_m, far_m))
-    return float(np.log(first / last) / (far_m - near_m))
+    """K on the beam's axis between two distances, 1/m: what Beer-Lambert makes of it.
+
+    Light over that of the same beam in water that takes nothing; paths by water that takes `_TRIED_PER_M`.
+    """
+
+    def falls(one: Light) -> float:
+        near, far = (reading_on_axis(one, z) / reading_on_axis(clear, z) for z in (near_m, far_m))
+        return float(np.log(near / far))
+
+    clear, tried = (_formula(light.scene, a) for a in (0.0, _TRIED_PER_M))
+    return _TRIED_PER_M * falls(light) / falls(tried)
+
+
+def _formula(scene: Scene, absorption_per_m: float) -> FormulaLight:
+    """The formula in water of this attenuation."""
+    return FormulaLight(scene.model_copy(update={"water": Water(absorption_per_m=absorption_per_m)}))
 
 
 def believed(truth: Light, elements: Elements, calibration: str, space: Space) -> tuple[ArrayModel, float]:
@@ -89,7 +105,7 @@ def believed(truth: Light, elements: Elements, calibration: str, space: Space) -
         slope = float(sum(f(truth.scene.water, at)[0] for f in (absorption_per_m, scattering_per_m)))
     else:
         slope = slope_per_m(made_in, space.near_m, space.far_m)
-    formula = FormulaLight(truth.scene.model_copy(update={"water": Water(absorption_per_m=max(slope, 0.0))}))
+    formula = _formula(truth.scene, max(slope, 0.0))
     gain = reading_on_axis(made_in, space.near_m) / reading_on_axis(formula, space.near_m)
     return ArrayModel(formula, elements, gain), np.inf if calibration == RELATIVE else 0.0
 
@@ -289,7 +305,7 @@ def bias_study(
     scene : Scene
         With an array; its own water is that of the map.
     scattering_per_m : sequence of float, 1/m
-        Waters on the axis.
+        Waters on the beam's axis.
     photons : float
         Of the trace, which all waters share.
 
@@ -308,7 +324,6 @@ def bias_study(
         rule="the bias is asked for over water.scattering_per_m, the only scattering",
     )  # fmt: skip
     space = Space.of_scene(scene) if space is None else space
-    refuse_walls(scene, space, elements)
     if not space.far_m > space.near_m:
         raise UsageError(
             "one distance does not tell what K a follower fits", where="the formation space",
@@ -323,10 +338,12 @@ def bias_study(
         remedy="nearer detector.planes_m, or clearer water",
     )  # fmt: skip
     widest = scene.with_values({"water.scattering_per_m": 0.5 * most} if photons else {})
-    light = light_of(widest, space, elements, photons=photons, seed=seed)
-    names, noise = pose_names(scene), SensorNoise.of_scene(scene)
     z = np.linspace(space.near_m, space.far_m, 3)
-    poses = np.array([[0, 0, v, 0, 0, 0.0] for v in z])
+    poses = poses_on_axis(scene.lamp, z)
+    wide = replace(space, half_width_m=max(space.half_width_m, float(np.abs(poses[:, :2]).max())))
+    refuse_walls(scene, wide, elements)
+    light = light_of(widest, wide, elements, photons=photons, seed=seed)
+    names, noise = pose_names(scene), SensorNoise.of_scene(scene)
     waters = [
         light.in_water_of(scene.with_values({"water.scattering_per_m": float(b)})) for b in scattering_per_m
     ]
@@ -376,9 +393,6 @@ def _dataset(
     found |= {
         f"trace_{name}": (dims, values[2 * n + k], {"units": units[name]}) for k, name in enumerate(names)
     }
-    found["misfit"] = (
-        dims,
-        values[3 * n],
-        {"units": "1", "long_name": "chi2 of the model's error per degree"},
-    )
+    misfit = {"units": "1", "long_name": "chi2 of the model's error per degree"}
+    found["misfit"] = (dims, values[3 * n], misfit)
     return xr.Dataset(found, coords=coords)

@@ -111,6 +111,24 @@ def test_calibrations_of_a_formula_that_is_right_are_right() -> None:
         assert np.isinf(prior) == (calibration == RELATIVE)
 
 
+@pytest.mark.parametrize(
+    "lamp", [{"offset_x_m": 0.3}, {"tilt_x_deg": 4.0, "tilt_y_deg": -3.0}, {"apparent_distance_m": 0.5}]
+)
+def test_a_lamp_that_is_aside_tilted_or_far_behind_its_window_hides_no_attenuation(
+    lamp: dict[str, float],
+) -> None:
+    """Where nothing scatters the formula is right: K on the beam's axis is c, and no calibration is biased.
+
+    Beside the beam its slope looked like attenuation: 0.3 m aside of it K was -0.03 per m.
+    """
+    tilted = SCENE.with_values({f"lamp.{name}": value for name, value in lamp.items()})
+    light = FormulaLight(tilted)
+    assert slope_per_m(light, 4.5, 8.5) == pytest.approx(0.1, rel=1e-9)
+    found = bias_study(tilted, SPACE, (0.02, 0.1), photons=0).axis
+    right = found.sel(calibration=[EXACT, FITTED, RELATIVE]).bias_z
+    np.testing.assert_allclose(right.where(found.sigma_z < 100).fillna(0.0), 0.0, atol=1e-5)
+
+
 def test_a_study_has_every_water_calibration_and_place() -> None:
     """The formula is its own truth here: in the water of its calibration nothing is wrong."""
     found = bias_study(SCENE, SPACE, (0.02, 0.1), photons=0)
