@@ -24,6 +24,7 @@ from lightfield.report.style import (
     label,
     panels,
 )
+from lightfield.scene.follower import Mission
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.studies.following.study import Followed
 
@@ -35,6 +36,8 @@ PANEL_INCHES = np.array([1.7, 0.9])
 FANS = ((2.0, 0.10), (1.4, 0.14), (1.0, 0.22))
 #: Widest beam that is drawn as one, degrees.
 _WIDEST_DEG = 80.0
+#: What of a mission says when its light or its water changes.
+EVENTS = ("dark_from_s", "dark_for_s", "turbid_factor", "turbid_from_s", "turbid_for_s", "current_from_s")
 #: Colours of what is believed: the traced field in that of renders, the formula in its own.
 COLOURS = {
     "field": RENDER, "exact": FORMULA, "fitted": SERIES[2], "clear": SERIES[3], "relative": SERIES[4],
@@ -137,9 +140,9 @@ def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
                 label=f"{one.name}: {one.believed_short}",
             )  # fmt: skip
             aside.plot(track.time_s, _mean(x), color=colour, linestyle=style, linewidth=2)
-        first = cases[0]
-        far.plot(first.track.time_s, first.track.goal_m.mean(axis=1), color=GOOD, linewidth=1.4, zorder=1)
-        _events(far, first)
+        for one in cases[:MOST_ROWS]:
+            far.plot(one.track.time_s, one.track.goal_m.mean(axis=1), color=GOOD, linewidth=1.4, zorder=1)
+        _events(far, cases[:MOST_ROWS])
         if narrow:
             fig.legend(handles=far.get_legend_handles_labels()[0], loc="outside lower center", fontsize=8.5)
         else:
@@ -160,9 +163,14 @@ def _scene(cases: Sequence[Followed], k: int) -> int:
     return list(dict.fromkeys(one.name for one in cases)).index(cases[k].name)
 
 
-def _events(axis: Axes, one: Followed) -> None:
-    """Darkness, water that changes, a current that sets in."""
-    mission = one.mission
+def _events(axis: Axes, cases: Sequence[Followed]) -> None:
+    """Darkness, water that changes, a current that sets in; what missions have in common once."""
+    alike = {tuple(getattr(one.mission, name) for name in EVENTS): one.mission for one in cases}
+    for mission in alike.values():
+        _events_of(axis, mission)
+
+
+def _events_of(axis: Axes, mission: Mission) -> None:
     if mission.dark_for_s > 0:
         axis.axvspan(mission.dark_from_s, mission.dark_from_s + mission.dark_for_s, color=MUTED, alpha=0.25)
     if mission.turbid_factor != 1:

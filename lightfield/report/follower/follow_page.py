@@ -72,16 +72,26 @@ def following_page(found: Following) -> str:
             ],
         ),
     ]
-    mission = first.mission
-    lead = [
-        f"{mission.vehicle} with {mission.degrees_of_freedom} degrees of freedom, law {mission.law}, "
-        f"{first.scene.array.sample_hz if first.scene.array else 0:g} readings a second, "
-        f"leader: {mission.leader}. "
-        "The pose comes from the readings alone, by maximum likelihood and a Kalman filter."
-    ]
+    alike = dict[str, list[str]]()
+    for one in cases:
+        alike.setdefault(_run_by(one), []).append(one.name)
+    run_by = "; ".join(
+        words if len(alike) == 1 else f"{', '.join(dict.fromkeys(whose))}: {words}"
+        for words, whose in alike.items()
+    )
+    lead = [f"{run_by}. The pose comes from the readings alone, by maximum likelihood and a Kalman filter."]
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
     return page(title, f"{found.told('±')}.", lead, sections, first.scene, origin)
+
+
+def _run_by(one: Followed) -> str:
+    """Vehicle, law, rate and leader."""
+    mission, array = one.mission, one.scene.array
+    return (
+        f"{mission.vehicle} with {mission.degrees_of_freedom} degrees of freedom, law {mission.law}, "
+        f"{array.sample_hz if array else 0:g} readings a second, leader: {mission.leader}"
+    )
 
 
 def follow_sweep_page(data: xr.Dataset) -> str:

@@ -239,8 +239,9 @@ class Following:
 
     def told(self, between: str) -> str:
         """The verdict, with this sign between a value and its scatter."""
-        first = self.cases[0].mission
-        if len(self.cases) == 1 or first.task == "dock":
+        asked = {one.mission.standoff_m for one in self.cases}
+        docks = any(one.mission.task == "dock" for one in self.cases)
+        if len(self.cases) == 1 or docks or len(asked) > 1:
             return ". ".join(one.told(between) for one in self.cases)
         parts = []
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
@@ -251,7 +252,7 @@ class Following:
                 for one in alike
             )
             parts.append(f"who believes {alike[0].believed} stands at {stands}")
-        return f"Asked for {first.standoff_m:g} m: " + "; ".join(parts)
+        return f"Asked for {asked.pop():g} m: " + "; ".join(parts)
 
     def as_data(self) -> dict[str, Any]:
         return {"verdict": self.verdict, "cases": [one.as_data() for one in self.cases]}

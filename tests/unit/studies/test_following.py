@@ -129,6 +129,31 @@ def test_a_swing_beyond_the_distance_asked_for_is_overshoot() -> None:
     assert metrics_of(swung, found.mission)["overshoot"].tolist() == pytest.approx([0.0, 0.4])
 
 
+def test_followers_that_were_asked_for_different_things_are_told_each_by_itself() -> None:
+    """One keeps 6.5 m, one 5 m, one docks: what was asked of the first is not said of the others."""
+    asked = {
+        "far": KNOWN,
+        "near": KNOWN.with_values({"follower.mission.standoff_m": 5.0, "follower.z_m": 5.0}),
+        "home": KNOWN.with_values({"follower.mission.task": "dock", "follower.mission.law": "lqr"}),
+    }
+    short = {name: one.with_values({"follower.mission.duration_s": 2.0}) for name, one in asked.items()}
+    found = follow(short, runs=1, photons=0)
+    for words in (
+        "far: a follower",
+        "where 6.5 m was asked",
+        "near: a follower",
+        "where 5 m was asked",
+        "home: a",
+    ):
+        assert found.verdict.count(words) == 1
+    first_two = Following(found.cases[:2])
+    assert "where 5 m was asked" in first_two.verdict and "Asked for" not in first_two.verdict
+    assert Following([found.cases[0]] * 2).verdict.startswith("Asked for 6.5 m:")
+    page = following_page(found)
+    assert "far, near: bluerov2-heavy" in page and "law pid" in page and "home: bluerov2-heavy" in page
+    assert "law lqr" in page
+
+
 def test_equal_seeds_give_equal_runs() -> None:
     first, again = run(duration_s=4.0), run(duration_s=4.0)
     assert np.array_equal(first.track.pose, again.track.pose)
