@@ -106,7 +106,7 @@ def metrics_of(track: Track, mission: Mission) -> dict[str, Array]:
             "belief_less_truth": missed[late].mean(axis=0),
             "belief_scatter": missed[late].std(axis=0),
             "overshoot": beyond,
-            "nearest": z.min(axis=0),
+            "nearest": np.linalg.norm(pose[..., :3], axis=-1).min(axis=0),
             "effort": _rms(np.hypot(track.force[late, :, 0], track.force[late, :, 1])),
             **found,
         }

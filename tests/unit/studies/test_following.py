@@ -129,6 +129,15 @@ def test_a_swing_beyond_the_distance_asked_for_is_overshoot() -> None:
     assert metrics_of(swung, found.mission)["overshoot"].tolist() == pytest.approx([0.0, 0.4])
 
 
+def test_the_nearest_is_a_distance_from_the_lamp() -> None:
+    """A vehicle that passes 0.5 m beside the lamp, and on behind it, was never nearer than that."""
+    found = run(duration_s=6.0, runs=1)
+    pose = np.zeros_like(found.track.pose)
+    pose[:, 0, 0], pose[:, 0, 2] = 0.5, np.linspace(3.0, -1.0, len(pose))
+    near = metrics_of(replace(found.track, pose=pose), found.mission)["nearest"]
+    assert near[0] == pytest.approx(np.hypot(0.5, np.abs(pose[:, 0, 2]).min()), rel=1e-12)
+
+
 def test_followers_that_were_asked_for_different_things_are_told_each_by_itself() -> None:
     """One keeps 6.5 m, one 5 m, one docks: what was asked of the first is not said of the others."""
     asked = {
