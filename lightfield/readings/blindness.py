@@ -14,6 +14,8 @@ from lightfield.readings.unchecked import Unchecked
 _BRIGHTEST = 10
 #: Amplitude and attenuation take two of them, a third effect of distance leaves nothing to check.
 FEWEST_PLANES = 4
+#: So many readings that are exactly 0 are no chance. Chosen: one may be a place in the dark, or a slip.
+_ZEROS = 3
 
 
 def load_warnings(readings: Unchecked) -> tuple[LoadWarning, ...]:
@@ -24,7 +26,7 @@ def load_warnings(readings: Unchecked) -> tuple[LoadWarning, ...]:
     if not water.any():
         water = np.ones(len(readings), dtype=bool)
     x, y, z = readings.x_m[water], readings.y_m[water], readings.z_m[water]
-    found = [*unit_warnings(readings), *_of_errors(readings)]
+    found = [*unit_warnings(readings), *_of_errors(readings), *_of_zeros(readings)]
     if readings.saturated.any():
         counts = {"saturated": int(readings.saturated.sum()), "readings": len(readings)}
         found.append(LoadWarning(Remarks.SATURATED, counts))
@@ -64,6 +66,13 @@ def _of_errors(readings: Unchecked) -> list[LoadWarning]:
     brightest = known[np.argsort(size)[-max(1, len(known) // _BRIGHTEST) :]]
     large = readings.stderr[brightest] > np.abs(readings.value[brightest])
     return [LoadWarning(Remarks.LARGE_ERRORS)] if len(known) and large.all() else []
+
+
+def _of_zeros(readings: Unchecked) -> list[LoadWarning]:
+    zeros, counted = int(np.sum(readings.value == 0)), int(np.isfinite(readings.value).sum())
+    if not _ZEROS <= zeros < counted:
+        return []
+    return [LoadWarning(Remarks.EXACT_ZEROS, {"zeros": zeros, "readings": counted})]
 
 
 def _of_time(readings: Unchecked, water: NDArray[np.bool_]) -> list[LoadWarning]:

@@ -21,6 +21,7 @@ class Remarks(str, Enum):
     FAST_TIMES = "fast_times"
     SLOW_TIMES = "slow_times"
     LARGE_ERRORS = "large_errors"
+    EXACT_ZEROS = "exact_zeros"
     FEW_PLANES = "few_planes"
     ON_AXIS_ONLY = "on_axis_only"
     X_ONE_SIDE = "x_one_side"
@@ -160,6 +161,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.SLOW_TIMES: "by time_s it took {step_s:g} s from place to place: it looks like milliseconds",
     Remarks.LARGE_ERRORS: "the standard errors are larger than the brightest readings: value and stderr look "
     "exchanged",
+    Remarks.EXACT_ZEROS: "{zeros} of {readings} readings are exactly 0, where noise would scatter: the "
+    "instrument reads nothing below some level",
     Remarks.FEW_PLANES: _few_planes,
     Remarks.ON_AXIS_ONLY: "all readings are on the axis: the beam's shape and direction cannot be told",
     Remarks.X_ONE_SIDE: "x is on one side of the axis only: offset, tilt, width and asymmetry look alike",
@@ -198,6 +201,7 @@ _REMEDIES: dict[Remarks, _Words] = {
     Remarks.FAST_TIMES: "give time_s in seconds",
     Remarks.SLOW_TIMES: "give time_s in seconds",
     Remarks.LARGE_ERRORS: "exchange them, or state errors in the unit of the readings",
+    Remarks.EXACT_ZEROS: "leave them out, and those little brighter; switch such a threshold off",
     Remarks.FEW_PLANES: "measure at five distances or more",
     Remarks.ON_AXIS_ONLY: "scan across the beam",
     Remarks.X_ONE_SIDE: "add readings on the other side",

@@ -189,7 +189,11 @@ def free_factors(problem: Problem, whiten: Whiten, base: Fit, phi: float) -> lis
     families = [(name, *span, None) for name, span in _spans(problem.layout, base.prediction).items()]
     for name, basis, coordinate, period in [*families, *_ripple(problem, whiten, base)]:
         chi2, terms, factor = _factor_fit(problem, whiten, base, basis)
-        departure = np.abs(factor - np.median(factor)) * (base.prediction > _BRIGHT * base.prediction.max())
+        departure = np.abs(factor - np.median(factor))
+        if name == "signal":  # at its dark end, too: where it changes the readings most, in their errors
+            departure = np.abs(whiten(problem.keep * base.prediction * (factor - np.median(factor))))
+        else:
+            departure *= base.prediction > _BRIGHT * base.prediction.max()
         # What was chosen of many counts as a number more.
         tell(name, chi2, terms + (period is not None), float(coordinate[departure.argmax()]), period)
     if (one := _one_plane(problem, whiten, base)) is not None:

@@ -7,7 +7,6 @@ from typing import Any
 from pydantic import computed_field
 
 from lightfield.diagnosis.problem.untestable import in_words
-from lightfield.diagnosis.verdict.cautions.caution import MISTAKES
 from lightfield.diagnosis.verdict.findings import Findings
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import unnamed_sentences
@@ -50,7 +49,7 @@ class Verdict(Findings):
     @computed_field(description="those of `warnings` that speak of a mistake")  # type: ignore[prop-decorator]
     @property
     def check_first(self) -> list[str]:
-        return [one.sentence for one in self.cautions if one.warns in MISTAKES]
+        return [one.sentence for one in self.cautions if one.speaks_of_a_mistake]
 
     @computed_field(description="`cautions` and `unnamed` in words")  # type: ignore[prop-decorator]
     @property

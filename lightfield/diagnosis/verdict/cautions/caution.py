@@ -7,7 +7,7 @@ from enum import Enum
 from pydantic import Field, computed_field
 
 from lightfield.diagnosis.verdict.parts import Doubt, Record
-from lightfield.readings.load_warning import LoadWarning
+from lightfield.readings.load_warning import LoadWarning, Remarks
 
 
 class Warns(str, Enum):
@@ -39,6 +39,10 @@ class Warns(str, Enum):
 #: What speaks of a mistake in the table or the scene, which effects then stand in for.
 MISTAKES = (
     Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN, Warns.OF_BAND, Warns.EXCHANGED,
+)  # fmt: skip
+#: The same of the table's own checks.
+_MISTAKES_OF_TABLES = (
+    Remarks.FAR_PLACES, Remarks.FAST_TIMES, Remarks.SLOW_TIMES, Remarks.LARGE_ERRORS, Remarks.EXACT_ZEROS,
 )  # fmt: skip
 #: How a fresh render contradicts a fit.
 CONTRADICTED = (
@@ -117,6 +121,11 @@ class Caution(Record):
     @property
     def sentence(self) -> str:
         return _WORDS[self.warns].format(about=self.about, said=self.said, **self.values)
+
+    @property
+    def speaks_of_a_mistake(self) -> bool:
+        """Would effects stand in for a mistake in the table or the scene?"""
+        return self.warns in MISTAKES or (self.table is not None and self.table.code in _MISTAKES_OF_TABLES)
 
     @classmethod
     def of_table(cls, warning: LoadWarning) -> Caution:
