@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, diffuse_source, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import Result
+from lightfield.api.result import ToldInWords
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.attenuation import study as attenuating
@@ -22,18 +22,10 @@ if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
 
-class Attenuation(Result[attenuating.Attenuation]):
+class Attenuation(ToldInWords[attenuating.Attenuation]):
     """What readings in water against air tell of the water."""
 
-    @property
-    def headline(self) -> str:
-        return attenuation_text.headline(self.details.apparent[0])
-
-    def as_text(self) -> str:
-        return attenuation_text.as_text(self.details)
-
-    def as_data(self) -> dict[str, Any]:
-        return attenuation_text.as_data(self.details)
+    _words = attenuation_text
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Apparent attenuation over wavelength, with one standard error."""

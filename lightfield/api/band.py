@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from os import fspath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import OverAxes
+from lightfield.api.result import OverAxes, ToldInWords
 from lightfield.render.limits import ON_AXIS
 from lightfield.scene import Scene
 from lightfield.studies import defaults
@@ -23,18 +23,10 @@ if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
 
-class Band(OverAxes[study.Bands]):
+class Band(OverAxes[study.Bands], ToldInWords[study.Bands]):
     """Which band of wavelengths serves best."""
 
-    @property
-    def headline(self) -> str:
-        return text.headline(self.details)
-
-    def as_text(self) -> str:
-        return text.as_text(self.details)
-
-    def as_data(self) -> dict[str, Any]:
-        return text.as_data(self.details)
+    _words = text
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """What is left of the lamp's light over wavelength, at every distance."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import OverAxes
+from lightfield.api.result import OverAxes, ToldInWords
 from lightfield.errors import UsageError
 from lightfield.render.limits import ON_AXIS
 from lightfield.scene import Scene
@@ -26,18 +26,10 @@ if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
 
-class Link(OverAxes[linking.Link]):
+class Link(OverAxes[linking.Link], ToldInWords[linking.Link]):
     """How far the lamp carries data, and is seen."""
 
-    @property
-    def headline(self) -> str:
-        return link_text.headline(self.details)
-
-    def as_text(self) -> str:
-        return link_text.as_text(self.details)
-
-    def as_data(self) -> dict[str, Any]:
-        return link_text.as_data(self.details)
+    _words = link_text
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Received power against distance, a line per water; dashed: the formula."""

@@ -30,9 +30,6 @@ class Regime(OverAxes[xr.Dataset]):
     def headline(self) -> str:
         return regimes.as_text(self.details)
 
-    def as_text(self) -> str:
-        return f"{self.headline}\n{self.summary().to_string(index=False)}"
-
     def as_data(self) -> dict[str, Any]:
         return {"sentence": self.headline, "rows": self.to_pandas().to_dict("records")}
 

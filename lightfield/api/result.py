@@ -23,6 +23,16 @@ class Says(Protocol):
     def as_data(self) -> dict[str, Any]: ...
 
 
+class Words(Protocol):
+    """What says details: the module with the words of a study."""
+
+    def headline(self, found: Any, /) -> str: ...
+
+    def as_text(self, found: Any, /) -> str: ...
+
+    def as_data(self, found: Any, /) -> dict[str, Any]: ...
+
+
 Details = TypeVar("Details")
 Told = TypeVar("Told", bound=Says)
 
@@ -50,9 +60,9 @@ class Result(ABC, Generic[Details]):
     def headline(self) -> str:
         """The answer in one sentence."""
 
-    @abstractmethod
     def as_text(self) -> str:
         """The answer for people, as the command prints it."""
+        return f"{self.headline}\n{self.summary().to_string(index=False)}"
 
     @abstractmethod
     def as_data(self) -> dict[str, Any]:
@@ -143,3 +153,19 @@ class ToldByDetails(Result[Told]):
 
     def as_data(self) -> dict[str, Any]:
         return self.details.as_data()
+
+
+class ToldInWords(Result[Details]):
+    """An answer that says what the words of its study say."""
+
+    _words: Words
+
+    @property
+    def headline(self) -> str:
+        return self._words.headline(self.details)
+
+    def as_text(self) -> str:
+        return self._words.as_text(self.details)
+
+    def as_data(self) -> dict[str, Any]:
+        return self._words.as_data(self.details)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, diffuse_source, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
-from lightfield.api.result import OverAxes
+from lightfield.api.result import OverAxes, ToldInWords
 from lightfield.readings import Readings
 from lightfield.render.limits import AXIS_PHOTONS
 from lightfield.scene import Scene
@@ -24,18 +24,10 @@ if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
 
-class Range(OverAxes[ranging.WorkingRange]):
+class Range(OverAxes[ranging.WorkingRange], ToldInWords[ranging.WorkingRange]):
     """How far the lamp can be used, and how wide its spot is."""
 
-    @property
-    def headline(self) -> str:
-        return range_text.headline(self.details)
-
-    def as_text(self) -> str:
-        return range_text.as_text(self.details)
-
-    def as_data(self) -> dict[str, Any]:
-        return range_text.as_data(self.details)
+    _words = range_text
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Light on the axis over that at the first plane, with and without scattered light."""

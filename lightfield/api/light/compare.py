@@ -39,9 +39,6 @@ class Comparison(Result[comparing.Comparison]):
     def headline(self) -> str:
         return comparing.as_text(self.details)
 
-    def as_text(self) -> str:
-        return f"{self.headline}\n{self.summary().to_string(index=False)}"
-
     def as_data(self) -> dict[str, Any]:
         return self.details.as_data()
 

@@ -67,9 +67,6 @@ class Maps(Result[xr.Dataset]):
         value, stderr = (self.details[name].values for name in (self.quantity, f"{self.quantity}_stderr"))
         return np.divide(stderr, value, out=np.full(value.shape, np.nan), where=value > 0)
 
-    def as_text(self) -> str:
-        return f"{self.headline}\n{self.summary().to_string(index=False)}"
-
     def as_data(self) -> dict[str, Any]:
         return {"attributes": dict(self.details.attrs), "places": self.summary().to_dict("records")}
 

@@ -53,7 +53,7 @@ def attenuation_page(found: Attenuation) -> str:
         "are common to all wavelengths.",
     )
     title = f"{scene.name or 'Water'}: attenuation"
-    return study_page(title, headline(first), lead, sections, scene.to_toml())
+    return study_page(title, headline(found), lead, sections, scene.to_toml())
 
 
 def _content(found: Content) -> Section:

@@ -58,8 +58,13 @@ def note_sentences(found: Attenuation) -> list[str]:
     return list(dict.fromkeys(map(str, found.notes)))
 
 
-def headline(one: Apparent) -> str:
-    """One sentence: how much the water takes where it takes least."""
+def headline(found: Attenuation) -> str:
+    """One sentence: what the first table says."""
+    return loss_sentence(found.apparent[0])
+
+
+def loss_sentence(one: Apparent) -> str:
+    """How much the water takes where it takes least."""
     if grows := one.grows_at:
         return (
             f"Light in water grows with distance at {grows} of {len(one.K_per_m)} wavelengths, which no "
@@ -290,7 +295,7 @@ def _apparent_lines(one: Apparent) -> list[str]:
     return [
         f"{r.scene.detector.quantity}, {len(r.path_m)} places, {colours} wavelength{'s' * (colours > 1)}, "
         + ("against readings in air" if r.reference == "air" else "against the formula in lossless water"),
-        headline(one),
+        loss_sentence(one),
         "  ".join(f"{head:>17}" for head in table_head(one)),
         *("  ".join(f"{cell:>17}" for cell in row) for row in rows),
         *([f"({len(rows)} of {colours} wavelengths are shown)"] if len(rows) < colours else []),

@@ -244,9 +244,7 @@ def test_water_and_air_exchanged_are_suspected() -> None:
     grows = [note for note in attenuation(swapped, scene()).notes if note.studied is Studied.GROWS]
     assert [(note.count, note.among) for note in grows] == [(3, 3)]
     assert "exchanged" in str(grows[0])
-    assert headline(attenuation(swapped, scene()).apparent[0]).startswith(
-        "Light in water grows with distance"
-    )
+    assert headline(attenuation(swapped, scene())).startswith("Light in water grows with distance")
     assert not [note for note in attenuation(whole, scene()).notes if note.studied is Studied.GROWS]
 
 
