@@ -1,8 +1,12 @@
-"""Memory that is free goes back to the system."""
+"""Memory that is free goes back to the system, and what is kept to be quick is no more than so much."""
 
 from __future__ import annotations
 
 import ctypes
+from typing import TypeVar
+
+Key = TypeVar("Key")
+Value = TypeVar("Value")
 
 
 def give_back() -> None:
@@ -13,3 +17,30 @@ def give_back() -> None:
         return
     if trim is not None:
         trim(0)
+
+
+class Latest(dict[Key, Value]):
+    """What was put in or taken last, so many at most; whoever asks for what is gone makes it again.
+
+    Parameters
+    ----------
+    most : int
+        So many are kept.
+    """
+
+    most = 1 << 30  # until a copy, or what was pickled, has its own
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self.most = most
+
+    def __getitem__(self, key: Key) -> Value:
+        value = super().__getitem__(key)
+        self[key] = value
+        return value
+
+    def __setitem__(self, key: Key, value: Value) -> None:
+        self.pop(key, None)
+        super().__setitem__(key, value)
+        while len(self) > self.most:
+            del self[next(iter(self))]

@@ -16,9 +16,12 @@ from lightfield.explorer.experiment import Experiment, candidate_of
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit, least_squares
 from lightfield.fitting.parameter import Model
+from lightfield.memory import Latest
 
 #: Amplitudes from which a fit starts, in multiples of the typical one, as `compare` does.
 _STARTS = (1.0, 10.0, -3.0)
+#: Sets whose fits are kept, the last ones.
+_KEPT = 1000
 #: Shapes of an effect that a fit starts from, at most.
 MOST_SHAPES = 12
 #: What a fit may leave of chi-square.
@@ -69,12 +72,14 @@ class Fits:
 
     def __init__(self, experiment: Experiment) -> None:
         self.experiment = experiment
-        self._known: dict[frozenset[str], Fitted] = {}
+        self._known: Latest[frozenset[str], Fitted] = Latest(_KEPT)
         self._bright = np.asarray(bright(experiment.problem), bool)
 
     def known(self, keys: Iterable[str]) -> Fitted | None:
         """The fit of a set, if it was made."""
-        return self._known.get(frozenset(keys))
+        if (key := frozenset(keys)) not in self._known:
+            return None
+        return self._known[key]  # and remembers that it was asked for
 
     def of(
         self,

@@ -20,6 +20,7 @@ from lightfield.explorer.state import History, State
 from lightfield.fitting.diffuse_light import DiffuseSource, remembered
 from lightfield.fitting.effects.registry import effect_name
 from lightfield.fitting.parameter import FitParameter
+from lightfield.memory import Latest
 from lightfield.readings import Readings
 from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
@@ -27,6 +28,9 @@ from lightfield.scene import Scene
 from lightfield.scene.listed import OWN_FIELD
 from lightfield.scene.tank import OPENS_THE_TOP
 from lightfield.wording import plain
+
+#: Errors with one effect more or less that are kept: of some sixty effects beside the last sets.
+_SURVEYED = 4096
 
 
 @dataclass
@@ -62,7 +66,7 @@ class Session:
     plane: int = 0
     channel: int = 0
     history: History = field(default_factory=lambda: History([State((), {})]))
-    survey: dict[tuple[tuple[str, ...], str], float] = field(default_factory=dict)
+    survey: dict[tuple[tuple[str, ...], str], float] = field(default_factory=lambda: Latest(_SURVEYED))
     experiment: Experiment = field(init=False)
     fits: Fits = field(init=False)
     evaluator: Evaluator = field(init=False)
@@ -91,7 +95,7 @@ class Session:
         experiment = explored(self.scene, self.readings, self._source, self.dense_per_m, self.say)
         self.experiment, self.fits = experiment, Fits(experiment)
         self.evaluator = Evaluator(self.fits)
-        self.survey = {}
+        self.survey = Latest(_SURVEYED)
         self.plane, self.channel = len(experiment.places.z_m) // 2, 0
         self.maps_ready = not experiment.has_data or self._source is None
         first, former = self._first(), history or History([])

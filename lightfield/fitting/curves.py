@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,7 @@ Stated = Mapping[str, Any]
 _AMPLITUDES = tuple(f"{field}." for field in FIELDS)
 
 
-@cache
+@lru_cache(4096)
 def is_amplitude(path: str) -> bool:
     """Is it the name of an amplitude?"""
     return path.startswith(_AMPLITUDES)

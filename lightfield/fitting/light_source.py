@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,6 +190,6 @@ def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
     return {k: v for k, v in values.items() if _makes_diffuse(k)}
 
 
-@cache
+@lru_cache(4096)
 def _makes_diffuse(path: str) -> bool:
     return bool(acts_on(path) & (DIFFUSE | Acts.FLOOR | Acts.WAVES))

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import lru_cache
 from typing import Any, Protocol
 
 from lightfield.scene.own.own_effect import OwnEffect
@@ -79,12 +79,12 @@ def with_listed(scene: Listing, values: Mapping[str, Any]) -> dict[str, Any]:
     return out
 
 
-@cache
+@lru_cache(4096)
 def _own_path(effect: str, name: str) -> str:
     return f"{OWN}{effect}.{name}"
 
 
-@cache
+@lru_cache(4096)
 def _own_paths(effect: str, names: tuple[str, ...]) -> frozenset[str]:
     return frozenset(_own_path(effect, name) for name in names)
 

@@ -14,6 +14,10 @@ from lightfield.diagnosis.problem.dense import DenseFactor
 from lightfield.diagnosis.problem.layout import Labels
 from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Noise
 from lightfield.diagnosis.problem.scan import links_of
+from lightfield.memory import Latest
+
+#: Choices of readings whose covariance is kept: a plane left out, one after the other.
+_KEPT = 64
 
 #: Of many readings, so many are whitened at a time.
 BLOCK = 128
@@ -48,7 +52,7 @@ class Whitener:
         self.noise, self.rho, self.phi, self.tolerance = noise, rho, phi, tolerance
         self._sigma: Array | None = None
         self._order: Labels | None = None
-        self._of: dict[bytes, Whitener] = {}
+        self._of: Latest[bytes, Whitener] = Latest(_KEPT)
         if rho == 0 and noise.independent(tolerance):
             variance = noise.variance(phi, tolerance)
             self._sigma = np.sqrt(variance)

@@ -21,6 +21,7 @@ from scipy.special import gammainc
 
 from lightfield.arrays import Array
 from lightfield.errors import RenderError
+from lightfield.memory import Latest
 from lightfield.render.response.open_ended import OPEN_ENDED_ERROR, Lengths
 from lightfield.scene.water.hardening import within_band
 
@@ -30,6 +31,8 @@ FROM_WALLS, FROM_SURFACE = (1, 2), (3, 4)
 CLASSES = 5
 #: Factors of rows in cells that are worked out at a time, one water at least.
 _AT_ONCE = 1_000_000
+#: Choices of rows whose factors are kept: a fit asks for a few, again and again.
+_ROWS_KEPT = 16
 #: Has a logarithm, as no scattering has not; 1/m.
 _NOTHING = 1e-300
 
@@ -101,7 +104,9 @@ class TransportResponse:
     photons: int
     merged: NDArray[np.integer[Any]] | None = None
     #: Factors of the rows that depend on the histories alone, as last asked for: a fit changes them rarely.
-    _last: dict[bytes, tuple[Any, Array]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _last: Latest[bytes, tuple[Any, Array]] = field(
+        default_factory=lambda: Latest(_ROWS_KEPT), init=False, repr=False, compare=False
+    )
 
     def packed(self) -> dict[str, NDArray[Any]]:
         """Plain arrays to store, all but the reference."""
