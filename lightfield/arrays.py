@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.floating[Any]]
 Mask = NDArray[np.bool_]
 
+#: Keeps quotients by nothing, and logarithms of it, finite: below the square of any reading.
+TINY = 1e-300
+
 
 def finite(value: float) -> float | None:
     """The number; None where it is none, or infinite."""

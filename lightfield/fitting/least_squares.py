@@ -22,7 +22,7 @@ _AT, _NEAR = 1e-6, 1e-2
 _NEWTON = 1e-9
 #: Squares of directions, over the largest, that are not determined but for rounding; a parameter has a part
 #: in one if the square of that is so large.
-_LOOSE, _OPEN = 1e-12, 1e-6
+LOOSE, OPEN = 1e-12, 1e-6
 
 
 @dataclass(frozen=True)
@@ -77,11 +77,11 @@ class Fit:
             return out
         scaled = self.jacobian[:, moving] / norm[moving]
         square, directions = eigen(scaled.T @ scaled)
-        firm = square > _LOOSE * square.max()
+        firm = square > LOOSE * square.max()
         inverse = (directions[:, firm] / square[firm]) @ directions[:, firm].T
         out[np.ix_(moving, moving)] = scale * inverse / np.outer(norm[moving], norm[moving])
         # Along a loose direction the readings stay as they are: what has a part in it may be anything.
-        undetermined = np.flatnonzero(moving)[(directions[:, ~firm] ** 2).sum(axis=1) > _OPEN]
+        undetermined = np.flatnonzero(moving)[(directions[:, ~firm] ** 2).sum(axis=1) > OPEN]
         out[undetermined], out[:, undetermined] = np.nan, np.nan
         return out
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.special import gammainc
 
+from lightfield.arrays import TINY
 from lightfield.render.response.open_ended import HELD_FROM
 from lightfield.render.response.response import Reference
 from lightfield.scene import Scene
@@ -22,8 +23,6 @@ MOST_SPREAD = 1.5
 # Reflected light that scattered more often than a tally tells apart is known of other water to a part of
 # 0.4 |ln(b / b0)| (`open_ended`). It is most of all in dense water: there b may differ by a tenth.
 MOST_UNTOLD = 0.1
-# Has a logarithm, as no scattering has not, 1/m.
-_NOTHING = 1e-300
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,7 @@ def _untold(waters: np.ndarray, far_m: float) -> np.ndarray:
     b, most = waters[:, 1], waters[:, 1].max()
     if most == 0 or not waters[:, 2:].any():
         return np.zeros_like(b)
-    return np.asarray(gammainc(HELD_FROM + 1, b * far_m) * np.log(most / np.maximum(b, _NOTHING)))
+    return np.asarray(gammainc(HELD_FROM + 1, b * far_m) * np.log(most / np.maximum(b, TINY)))
 
 
 def _same_reflections(waters: np.ndarray) -> np.ndarray:

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import TINY, beside, orthonormal
+from lightfield.arrays import TINY, Array
+from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
-from lightfield.diagnosis.problem.layout import LEAST_RANGE, LINE_DECIMALS, Layout
+from lightfield.diagnosis.problem.layout import BRIGHT, LEAST_RANGE, LINE_DECIMALS, Layout
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
@@ -27,9 +27,8 @@ _MAX_TIME_COSINES, _READINGS_PER_TIME_COSINE, _SIGNAL_COSINES = 40, 6, 5
 _SLOW_TERMS = 4
 #: Columns of a factor are the same when less than this part is left.
 _SAME_COLUMN = 1e-6
-#: Signals below this part of the largest are one; where the prediction is below the other, no departure
-#: counts.
-_DARKEST, _BRIGHT = 1e-3, 0.05
+#: Signals below this part of the largest are one.
+_DARKEST = 1e-3
 #: Keeps the scale of a coordinate, and a misfit, finite.
 _LEAST = 1e-12
 
@@ -189,11 +188,7 @@ def free_factors(problem: Problem, whiten: Whiten, base: Fit, phi: float) -> lis
     families = [(name, *span, None) for name, span in _spans(problem.layout, base.prediction).items()]
     for name, basis, coordinate, period in [*families, *_ripple(problem, whiten, base)]:
         chi2, terms, factor = _factor_fit(problem, whiten, base, basis)
-        departure = np.abs(factor - np.median(factor))
-        if name == "signal":  # at its dark end, too: where it changes the readings most, in their errors
-            departure = np.abs(whiten(problem.keep * base.prediction * (factor - np.median(factor))))
-        else:
-            departure *= base.prediction > _BRIGHT * base.prediction.max()
+        departure = np.abs(factor - np.median(factor)) * (base.prediction > BRIGHT * base.prediction.max())
         # What was chosen of many counts as a number more.
         tell(name, chi2, terms + (period is not None), float(coordinate[departure.argmax()]), period)
     if (one := _one_plane(problem, whiten, base)) is not None:

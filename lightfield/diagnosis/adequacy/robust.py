@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, special
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.decompositions import eigen
-from lightfield.diagnosis.adequacy.subspace import TINY, orthonormal
+from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
 from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA, NO_LIGHT
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.least_squares import LOOSE, OPEN, Fit
 
 #: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil
 #: (`setup.OUTLIER_PERCENT`); more is a finding, see `aside`.
@@ -42,8 +42,6 @@ _CAUCHY, _CAUCHY_ROUNDS = 2.5, 8
 _TAKEN_PER_COLUMN, _LEAST_LEFT = 0.8, 0.25
 #: A spread is no smaller than this part of the largest misfit: most readings may fit exactly.
 _EXACT = 1e-9
-#: Squares of directions that readings fix no better than rounding does; leverage by which one is open.
-_LOOSE, _OPEN = 1e-12, 1e-6
 #: Outliers that share a place are no slips when there are so many, and so large a part of that place. Chosen:
 #: two of seven neighbours may be slips of one hand, three on one side of the model hardly.
 _TOGETHER, _TOGETHER_PART = 3, 0.4
@@ -157,14 +155,14 @@ def _studentised(residual: Array, basis: Array, judges: NDArray[np.bool_]) -> tu
     others = basis[~judges]
     # The basis is orthonormal over all readings: what the judges see of it is what the others leave.
     square, directions = eigen(np.eye(basis.shape[1]) - others.T @ others)
-    firm = square > _LOOSE
+    firm = square > LOOSE
     loose, inverse = others @ directions, 1 / square[firm]
     along = directions.T @ (basis.T @ (judges * residual))
     misfit = residual - basis @ (directions[:, firm] @ (inverse * along[firm]))
     nu = max(int(judges.sum()) - int(firm.sum()), 1)
     sigma = max(np.sqrt((misfit[judges] ** 2).sum() / nu), _EXACT * np.abs(misfit).max(), TINY)
     # Directions that the judges leave open could have produced any misfit.
-    open_part = (loose[:, ~firm] ** 2).sum(1) > _OPEN
+    open_part = (loose[:, ~firm] ** 2).sum(1) > OPEN
     variance = 1 + loose[:, firm] ** 2 @ inverse
     out = np.zeros(len(residual))
     out[~judges] = np.where(open_part, 0.0, np.abs(misfit[~judges]) / (sigma * np.sqrt(variance)))

@@ -16,16 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.decompositions import thin_svd
-from lightfield.diagnosis.adequacy.subspace import (
-    DISTINCT,
-    INDEPENDENT,
-    TINY,
-    beside,
-    combined,
-    orthonormal,
-)
+from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, beside, combined, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten

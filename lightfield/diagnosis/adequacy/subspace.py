@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.decompositions import eigen, thin_svd
 
-#: Keeps a quotient by nothing finite: below the square of any reading.
-TINY = 1e-300
 #: Derivatives with respect to parameters are collinear when less than this part of the strongest direction is
 #: left. Chosen: far above the rounding of doubles (1e-16), far below what readings tell apart.
 INDEPENDENT = 1e-9

@@ -21,6 +21,9 @@ LEAST_RANGE = 1e-6
 #: Decimals in metres to which places are one place, and to which distances or lines are one; of wavelengths
 #: in nm: finer than a stage or a spectrometer is set, coarser than the rounding of a table.
 PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
+#: Readings above this part of the largest one are bright: of all, or of those of their plane. Chosen: where
+#: an error in per cent is one of the model, and not of the dark.
+BRIGHT = 0.05
 #: Added to the distance of readings in air, in metres, to tell them from those in water: beyond any tank.
 AIR_APART_M = 1e4
 #: Of no more readings than this it is kept how alike their errors are: as many as are whitened as one.

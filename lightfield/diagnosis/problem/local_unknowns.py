@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -20,8 +20,6 @@ from lightfield.readings import Readings
 _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
 #: Two ripples that differ by so many cycles over all angles are as far from each other as their phases are.
 _CYCLES_APART = 0.5
-#: Keeps the equations of a ripple that no reading sees solvable.
-_TINY = 1e-300
 
 
 def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explanation]:
@@ -65,7 +63,7 @@ def left_by_a_ripple(layout: Layout, misfit: Array, prediction: Array, keep: Arr
     phase = 2 * np.pi * cycles[:, None] * layout.time_s / span
     waves = np.stack([np.cos(phase), np.sin(phase)], axis=1) * (keep * prediction)
     gram, drawn = waves @ waves.transpose(0, 2, 1), waves @ (keep * misfit)
-    taken = np.einsum("ki,ki->k", drawn, np.linalg.solve(gram + _TINY * np.eye(2), drawn[..., None])[..., 0])
+    taken = np.einsum("ki,ki->k", drawn, np.linalg.solve(gram + TINY * np.eye(2), drawn[..., None])[..., 0])
     return 1 - float(taken.max()) / total
 
 

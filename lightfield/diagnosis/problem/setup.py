@@ -6,10 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.problem.candidates import Setting, candidates
 from lightfield.diagnosis.problem.layout import (
+    BRIGHT,
     LEAST_RANGE,
     PLACE_DECIMALS,
     WAVELENGTH_DECIMALS,
@@ -64,10 +65,8 @@ _LEAST_READING = 1e-3
 _FEWEST_BRIGHTEST = 3
 #: Wavelengths in nm, closer than this, are one.
 _SAME_NM = 10.0**-WAVELENGTH_DECIMALS
-#: Readings above this part of the largest one are bright; light below that part of the most is none.
-_BRIGHT, _NO_LIGHT = 0.05, 1e-60
-#: Keeps a quotient by no light finite.
-_TINY = 1e-300
+#: Light below this part of the most is none.
+_NO_LIGHT = 1e-60
 #: A fit needs so many readings more than it has parameters.
 _FEWEST_TO_SPARE = 1
 #: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
@@ -167,7 +166,7 @@ def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tupl
     for k, name in enumerate(names):
         mine = np.flatnonzero(layout.channel == k) if len(names) > 1 else np.arange(layout.size)
         brightest = mine[np.argsort(unit[mine])[-max(_FEWEST_BRIGHTEST, len(mine) // 10) :]]
-        gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], _TINY)))
+        gain = float(np.median(np.maximum(light[brightest], least) / np.maximum(unit[brightest], TINY)))
         if not np.isfinite(gain) or gain <= 0:
             gain = 1.0
         begin, room = float(np.log(gain)), _GAIN_SIGMAS * (calibration_of(forward.readings) or 0.0)
@@ -296,7 +295,7 @@ def _check_reach(
 ) -> None:
     """Refuse bright readings at places where the lamp's light is less than any number: no fit leads there."""
     light = forward.predict({p.path: p.value(p.start) for p in base})
-    bright = (keep > 0) & (value > _BRIGHT * value[keep > 0].max())
+    bright = (keep > 0) & (value > BRIGHT * value[keep > 0].max())
     beyond = np.flatnonzero(bright & ~(light > _NO_LIGHT * light.max()))
     if len(beyond):
         x, y, z = (float(getattr(readings, k)[beyond[0]]) for k in ("x_m", "y_m", "z_m"))

@@ -24,7 +24,7 @@ _BESIDE = 2.1
 #: Chi-square, in units of the scale, by which a minimum must be lower to be another one.
 LOWER = 0.1
 #: Chi-square by which all is worse that lies beyond one and beyond two standard errors.
-_ONE_SIGMA, _TWO_SIGMA = 1.0, 4.0
+ONE_SIGMA, TWO_SIGMA = 1.0, 4.0
 
 
 def with_shapes(fit: Fit, explanation: Explanation) -> list[Array]:
@@ -154,8 +154,8 @@ def profiled(
     errors = dict.fromkeys(best if points else (), 0.0)
     for there in points:
         worse = max(there.chi2 - fit.chi2, 0.0) / phi
-        sigmas = 1.0 if worse <= _ONE_SIGMA else 2.0
-        if worse <= _TWO_SIGMA:
+        sigmas = 1.0 if worse <= ONE_SIGMA else 2.0
+        if worse <= TWO_SIGMA:
             for path, value in there.values.items():
                 errors[path] = max(errors[path], abs(value - best[path]) / sigmas)
     return fit, errors

@@ -23,6 +23,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit
+from lightfield.diagnosis.search.profile_likelihood import ONE_SIGMA, TWO_SIGMA
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit
@@ -34,8 +35,6 @@ _HELD = (2.0, 4.0)
 _STEPS, _LEFT = 20, 0.05
 #: Part of a distribution below one standard error; combinations of parameters that are not told, as in `Fit`.
 _HOLDS, _SINGULAR = 0.8413, 1e-6
-#: Chi-square by which all is worse that lies beyond one and beyond two standard errors.
-_ONE_SIGMA, _TWO_SIGMA = 1.0, 4.0
 
 
 def with_truncation(finding: Finding) -> Finding:
@@ -142,8 +141,8 @@ def truncation_errors(tried: Tried, problem: Problem, longer: Explanation, phi: 
         far = [float(np.hypot(np.nan_to_num(own[path]), best.values[path] - value))]
         for fit in found:
             worse = (fit.chi2 - best.chi2) / phi
-            if worse <= _TWO_SIGMA:
-                far.append(abs(fit.values[path] - value) / (1.0 if worse <= _ONE_SIGMA else 2.0))
+            if worse <= TWO_SIGMA:
+                far.append(abs(fit.values[path] - value) / (1.0 if worse <= ONE_SIGMA else 2.0))
         out[path] = max(far)
     return out
 

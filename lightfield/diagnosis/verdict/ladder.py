@@ -11,14 +11,12 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.layout import BRIGHT
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Readings below this part of the largest one of their plane do not count in the error in per cent. Chosen:
-#: with dark ones it would be the error of the dark.
-BRIGHT = 0.05
 #: Steps of a fit without one plane, from the fit with it; what the fit of a rung may leave of chi-square.
 _STEPS, _LEFT = 12, 1e-5
 #: Of more effects than this, fits in between and without one plane take the slopes of a neighbouring one, and

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
-from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable

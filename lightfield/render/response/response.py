@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammainc
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import RenderError
 from lightfield.memory import Latest
 from lightfield.render.response.open_ended import OPEN_ENDED_ERROR, Lengths
@@ -33,8 +33,6 @@ CLASSES = 5
 _AT_ONCE = 1_000_000
 #: Choices of rows whose factors are kept: a fit asks for a few, again and again.
 _ROWS_KEPT = 16
-#: Has a logarithm, as no scattering has not; 1/m.
-_NOTHING = 1e-300
 
 
 @dataclass(frozen=True)
@@ -239,7 +237,7 @@ class TransportResponse:
         before = self.reference.scattering_per_m
         beyond = self._lengths.beyond(self.histories[some, 0], self.excess_m[some], before)
         light = self._of_varying(tallies[:, varying] * beyond, a, b, rho, surface, some)
-        return OPEN_ENDED_ERROR * np.abs(np.log(np.maximum(b, _NOTHING) / before))[:, None] * light
+        return OPEN_ENDED_ERROR * np.abs(np.log(np.maximum(b, TINY) / before))[:, None] * light
 
     def _of_varying(
         self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: NDArray[np.integer[Any]]

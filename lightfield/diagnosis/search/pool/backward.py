@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, TINY, beside, orthonormal
+from lightfield.arrays import TINY, Array
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool, begin_at, joins, with_effect
 

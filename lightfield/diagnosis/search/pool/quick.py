@@ -13,8 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.subspace import TINY
+from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.followed import is_followed
 from lightfield.fitting.least_squares import Fit, Whiten

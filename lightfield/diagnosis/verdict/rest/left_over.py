@@ -11,9 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from lightfield.arrays import Array, finite
+from lightfield.arrays import TINY, Array, finite
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
-from lightfield.diagnosis.adequacy.subspace import TINY
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.local_unknowns import with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
