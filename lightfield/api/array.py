@@ -32,7 +32,7 @@ PHOTONS = FIELD_PHOTONS
 Medium = Literal["water", "air"]
 
 
-def asked(
+def space_and_light(
     scene: Scene | AnyPath,
     half_width: float = HALF_WIDTH_M,
     medium: Medium = "water",
@@ -155,7 +155,7 @@ def show(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    known, where = space_and_light(scene, half_width, medium, max_photons, seed, trace)
     return Survey(survey.survey(known, **where))
 
 
@@ -189,7 +189,7 @@ def compare(
     """
     if not with_:
         raise UsageError("nothing to compare with", where="with_", rule='{"flat": "flat.toml"} and the like')
-    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    known, where = space_and_light(scene, half_width, medium, max_photons, seed, trace)
     others = {name: scene_of(other) for name, other in with_.items()}
     by_name(
         [
@@ -236,6 +236,6 @@ def optimise(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    known, where = space_and_light(scene, half_width, medium, max_photons, seed, trace)
     room = exchange.Mounting(box, tilt_max, spacing)
     return Arrays(exchange.optimise_array(known, elements, room, task=task, **where))

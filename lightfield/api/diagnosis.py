@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, checked, diffuse_source, named, readings_of, scene_of
+from lightfield.api.given import AnyPath, checked, diffuse_source, names_in, readings_of, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result, ToldByDetails
 from lightfield.diagnosis import diagnose as diagnosing
@@ -149,7 +149,7 @@ def diagnose(
     UsageError
         Unknown effect.
     """
-    if effects is not None and not named(effects):
+    if effects is not None and not names_in(effects):
         raise UsageError(
             "no effect is named", where="effects", rule="names of effects, or none for all of them"
         )
@@ -157,7 +157,7 @@ def diagnose(
     with told_in_notebook("diagnose") as stage:
         found = diagnosing.diagnose(
             readings_of(readings, known), known, diffuse="trace" if trace else None,
-            only=None if effects is None else named(effects), alpha=alpha, seed=seed, progress=stage,
+            only=None if effects is None else names_in(effects), alpha=alpha, seed=seed, progress=stage,
         )  # fmt: skip
         if trace and render and found.steps[1:]:
             stage("rendering the explained scene afresh")
@@ -296,7 +296,7 @@ def plan(
     if effects is not None:
         if not effects:
             raise UsageError("no effect is named", where="effects", rule="one at least")
-        return Together(together(table, known, named(effects), size, diffuse_source(trace)))
+        return Together(together(table, known, names_in(effects), size, diffuse_source(trace)))
     if size:
         raise UsageError("a size of no effect", where="size", rule="together with effects")
     return Plan(planning.plan(table, known, diffuse_source(trace)))

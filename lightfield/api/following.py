@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from lightfield.api.array import PHOTONS
-from lightfield.api.given import AnyPath, by_name, checked, named, scene_of
+from lightfield.api.given import AnyPath, by_name, checked, names_in, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import ToldByDetails
 from lightfield.arrays import finite
@@ -108,7 +108,7 @@ def follow(
     SceneError, RenderError
         No array; a follower or a way that is not in the water.
     """
-    believe = named(believe)
+    believe = names_in(believe)
     unknown = [word for word in believe if word not in study.BELIEFS]
     if unknown:
         rule = ", ".join(study.BELIEFS)

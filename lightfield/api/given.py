@@ -176,7 +176,7 @@ def by_name(given: Iterable[tuple[str, str, Scene]]) -> dict[str, Scene]:
     return found
 
 
-def named(names: str | Sequence[str]) -> list[str]:
+def names_in(names: str | Sequence[str]) -> list[str]:
     """Names, also of one string with commas as the command line has them."""
     return [one.strip() for one in names.split(",") if one.strip()] if isinstance(names, str) else list(names)
 

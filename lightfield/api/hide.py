@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.given import AnyPath, checked, named, scene_of
+from lightfield.api.given import AnyPath, checked, names_in, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.experiments import hide as hiding
@@ -151,7 +151,7 @@ def hide(
     SceneError, RenderError, BackendError
         A scene that cannot be read or rendered.
     """
-    names, believed = named(effect), scene_of(scene, effects_file)
+    names, believed = names_in(effect), scene_of(scene, effects_file)
     hiding.check_request(names, strength, noise, plane_gain, position)
     secret = hiding.Secret(names, strength, dict(size or {}), None if lamp is None else fspath(lamp))
     made = hiding.hide(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightfield.api.array import PHOTONS, Medium, asked, sigma_columns
+from lightfield.api.array import PHOTONS, Medium, sigma_columns, space_and_light
 from lightfield.api.given import AnyPath, checked
 from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
@@ -135,7 +135,7 @@ def estimate(
     MeasurementError, SceneError, RenderError
         Readings that cannot be read; no array; a space that is not in the water.
     """
-    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    known, where = space_and_light(scene, half_width, medium, max_photons, seed, trace)
     return Poses(sequence.poses_of(readings, known, filtered=filter, **where))
 
 
@@ -166,7 +166,7 @@ def bias(
     SceneError, RenderError
         No array; a space that is not in the water.
     """
-    known, where = asked(scene, half_width, medium, max_photons, seed, trace)
+    known, where = space_and_light(scene, half_width, medium, max_photons, seed, trace)
     usual = biases.SCATTERING_PER_M if medium == "water" else (0.0,)
     waters = usual if scattering is None else tuple(scattering)
     if medium == "air" and any(waters):

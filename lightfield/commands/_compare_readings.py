@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lightfield.api.given import named
+from lightfield.api.given import names_in
 from lightfield.commands.shared.answer import write_json
 from lightfield.commands.shared.options import add_option, given
 from lightfield.commands.shared.progress import progress_of
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
         )
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.what, scene)
-    names = named(args.with_effects or "")
+    names = names_in(args.with_effects or "")
     if args.fit_json:
         inputs = [file for file in (args.what, args.scene, args.effects_file) if file]
         output_file(args.fit_json, *inputs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.api.given import by_name, named
+from lightfield.api.given import by_name, names_in
 from lightfield.commands.shared.answer import outputs_of, show_answer, show_page, write_json
 from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_answer, add_option
@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")
     if args.vary or args.output:
         return _sweep(scenes[next(iter(scenes))], args)
-    beliefs = named(args.believe or "")
+    beliefs = names_in(args.believe or "")
     unknown = [word for word in beliefs if word not in BELIEFS]
     if unknown:
         raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))

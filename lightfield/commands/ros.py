@@ -20,14 +20,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Trace once, then answer every sample until interrupted."""
-    from lightfield.api.array import asked
+    from lightfield.api.array import space_and_light
     from lightfield.robots.ros import Bridge, ros
     from lightfield.robots.ros import spin as spin
     from lightfield.studies.follower.array_light import light_of
     from lightfield.studies.follower.pose import Estimator
     from lightfield.studies.follower.survey import array_of
 
-    scene, where = asked(args.scene, **space_asked(args))
+    scene, where = space_and_light(args.scene, **space_asked(args))
     array = array_of(scene)
     ros()  # before the work of a trace
     light = light_of(scene, elements=elements_of(array), **where)

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lightfield.errors import UsageError
-from lightfield.explorer.dropped import readings_of
+from lightfield.explorer.dropped import table_dropped
 from lightfield.explorer.saved.page import page_html
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import MOST_SNAPSHOTS, MOST_STATES, History, State
@@ -135,7 +135,7 @@ def open_session(path: Path, diffuse: DiffuseSource | str | None = "trace") -> t
         ) from error
     scene = Scene.from_toml(given.scene, where=f"{path}: scene")
     table, name = given.readings, f"{path.name}-readings.csv"
-    readings = None if table is None else readings_of(table.encode(), name, scene)
+    readings = None if table is None else table_dropped(table.encode(), name, scene)
 
     def state(plain: _State) -> State:
         return State(tuple(plain.effects), plain.values, plain.did)

@@ -29,7 +29,7 @@ def dropped(files: Sequence[File], units: str, scene: Scene) -> Readings:
         Not one table or one index with its files, or readings that do not belong to the scene.
     """
     if len(files) == 1:
-        return readings_of(files[0].content, files[0].name, scene)
+        return table_dropped(files[0].content, files[0].name, scene)
     tables = [file for file in files if file.name.lower().endswith(".csv")]
     if len(tables) != 1:
         raise MeasurementError(
@@ -63,7 +63,7 @@ def _check_names(index: Path, known: set[str]) -> None:
         )
 
 
-def readings_of(content: bytes, name: str, scene: Scene) -> Readings:
+def table_dropped(content: bytes, name: str, scene: Scene) -> Readings:
     """A reading table from its bytes; errors call it by its name.
 
     Raises

@@ -73,11 +73,11 @@ def rendered_light(
     if ages(scene.water):
         places["time"] = time
     key = {"kind": "light at readings", "scene": scene.digest(), "software": software(), **places, **settings}
-    stored = response_cache.load(key)
+    stored = response_cache.recall(key)
     if stored is None:
         light, error = _render(scene, x, y, z, dry, channels, time, **settings)
         stored = {"light": light, "error": error}
-        response_cache.save(key, stored)
+        response_cache.keep(key, stored)
     return stored["light"], stored["error"]
 
 

@@ -189,7 +189,7 @@ def render_scene(
     key = {"kind": "maps", **transport_key(scene, grid, chosen), "settings": asdict(settings)}
     if path_nodes is not None:
         key["path_nodes"] = path_nodes
-    stored = response_cache.load(key) if cache else None
+    stored = response_cache.recall(key) if cache else None
     if stored is not None:
         response, energy = TransportResponse.unpacked(stored, chosen), Bookkeeping(*stored["energy"].tolist())
         return Rendering(scene, response, grid, energy, float(stored["reached"]), settings)
@@ -201,7 +201,7 @@ def render_scene(
     response, energy, reached = trace_until(scene, grid, chosen, settings, progress, path_nodes)
     if cache:
         found = {"energy": np.array(astuple(energy)), "reached": np.array(reached)}
-        response_cache.save(key, response.packed() | found)
+        response_cache.keep(key, response.packed() | found)
     return Rendering(scene, response, grid, energy, reached, settings)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 import xarray as xr
 
-from lightfield.api.given import AnyPath, checked, diffuse_source, named, readings_of, scene_of
+from lightfield.api.given import AnyPath, checked, diffuse_source, names_in, readings_of, scene_of
 from lightfield.api.light.maps import Maps, nearest_index, render
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
@@ -219,7 +219,7 @@ def compare(
         asked["seed"] = asked["seed"] % int(SEED.high) + 1
     known, light = scene_of(scene, effects_file), diffuse_source(trace, cache)
     report = fitting.fit_readings(
-        readings_of(what, known), known, named(with_), solver=solver, tracing=asked,
+        readings_of(what, known), known, names_in(with_), solver=solver, tracing=asked,
         diffuse=light,
     )  # fmt: skip
     return Fit(report)

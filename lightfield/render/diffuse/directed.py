@@ -147,17 +147,17 @@ class Keeper:
     def of(self, trace: DirectedTrace) -> dict[str, Array]:
         """What a trace gives, made only where it is not kept."""
         key = trace.key
-        stored = response_cache.load(key) if self.cache else None
+        stored = response_cache.recall(key) if self.cache else None
         if stored is None and self.cache and self.elsewhere is not None:
             self.elsewhere(functools.partial(_keep, key, trace.made))
-            stored = response_cache.load(key)
+            stored = response_cache.recall(key)
         if stored is None:
             stored = trace.made(self.told)
             if self.cache:
-                response_cache.save(key, stored)
+                response_cache.keep(key, stored)
         return stored
 
 
 def _keep(key: Mapping[str, Any], traced: Callable[[Told], dict[str, Array]], told: Told) -> None:
     """Trace into the cache."""
-    response_cache.save(key, traced(told))
+    response_cache.keep(key, traced(told))

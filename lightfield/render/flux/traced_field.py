@@ -116,7 +116,7 @@ def traced_field(
     _check(scene, region)
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "flux", **transport_key(scene, grid, chosen), "photons": photons, "seed": seed}
-    stored = response_cache.load(key) if cache else None
+    stored = response_cache.recall(key) if cache else None
     if stored is not None:
         return TracedField(scene, grid, TransportResponse.unpacked(stored, chosen))
     use_backend()
@@ -124,7 +124,7 @@ def traced_field(
 
     response = trace_flux(scene, grid, chosen, int(photons), seed)
     if cache:
-        response_cache.save(key, response.packed())
+        response_cache.keep(key, response.packed())
     return TracedField(scene, grid, response)
 
 

@@ -33,7 +33,7 @@ def digest_of(key: Mapping[str, Any]) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def load(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
+def recall(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
     """Arrays stored under `key`, or None when there are none, or none that can be read and trusted."""
     path = _path(key)
     if not path.exists():
@@ -66,7 +66,7 @@ def is_damage(error: Exception) -> bool:
     return isinstance(error, _OF_DAMAGE)
 
 
-def save(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+def keep(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
     """Store arrays under `key`; a full or read-only disk costs the cache entry, not the result."""
     kept: dict[str, Any] = {**arrays, "key": np.frombuffer(digest_of(key).encode(), np.uint8)}
     try:

@@ -10,12 +10,12 @@ import pytest
 import xarray as xr
 
 import lightfield as lf
-from lightfield.api.given import checked, named
+from lightfield.api.given import checked, names_in
 
 
 @pytest.mark.parametrize("given", ["scattering,walls", " scattering , walls,", ["scattering", "walls"]])
 def test_names_in_one_string_are_those_of_the_command_line(given) -> None:
-    assert named(given) == ["scattering", "walls"]
+    assert names_in(given) == ["scattering", "walls"]
 
 
 def test_a_name_alone_is_not_taken_letter_by_letter() -> None:

@@ -20,13 +20,13 @@ ARRAYS = {"tally": np.arange(24, dtype=np.float32).reshape(2, 3, 4), "photons": 
 def entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A stored entry in a cache of its own."""
     monkeypatch.setenv("LIGHTFIELD_CACHE", str(tmp_path))
-    response_cache.save(KEY, ARRAYS)
+    response_cache.keep(KEY, ARRAYS)
     (path,) = (tmp_path / "transport").glob("*.npz")
     return path
 
 
 def test_what_is_stored_comes_back(entry: Path) -> None:
-    found = response_cache.load(KEY)
+    found = response_cache.recall(KEY)
     assert found is not None
     assert found.keys() == ARRAYS.keys()
     for name, array in ARRAYS.items():
@@ -38,14 +38,14 @@ def test_what_is_stored_comes_back(entry: Path) -> None:
     "other", [{"seed": 2}, {"grid": [np.arange(3.0), 0.2]}, {"grid": [np.arange(4.0), 0.1]}, {"more": 0}]
 )
 def test_another_key_finds_nothing(entry: Path, other: dict[str, object]) -> None:
-    assert response_cache.load(KEY | other) is None
+    assert response_cache.recall(KEY | other) is None
     assert entry.exists()
 
 
 def test_an_older_format_is_not_read(entry: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that walks or tallies otherwise never sees old responses."""
     monkeypatch.setattr(response_cache, "FORMAT", response_cache.FORMAT + 1)
-    assert response_cache.load(KEY) is None
+    assert response_cache.recall(KEY) is None
 
 
 @pytest.mark.parametrize("place", [10, 200, -40])
@@ -53,7 +53,7 @@ def test_a_flipped_bit_is_noticed(entry: Path, place: int) -> None:
     data = bytearray(entry.read_bytes())
     data[place] ^= 0x10
     entry.write_bytes(bytes(data))
-    found = response_cache.load(KEY)
+    found = response_cache.recall(KEY)
     # A bit that nothing depends on (a file date in the archive) may flip; numbers may not.
     assert found is None or all((found[name] == ARRAYS[name]).all() for name in ARRAYS)
 
@@ -65,7 +65,7 @@ def test_every_flipped_bit_of_the_numbers_is_noticed(entry: Path) -> None:
         data = bytearray(whole)
         data[place] ^= 1
         entry.write_bytes(bytes(data))
-        assert response_cache.load(KEY) is None
+        assert response_cache.recall(KEY) is None
 
 
 @pytest.mark.parametrize("fault", [MemoryError("no room"), OSError(errno.EIO, "a fault of the disk")])
@@ -81,27 +81,27 @@ def test_what_is_no_damage_leaves_the_entry(
         patched.setattr(response_cache.np, "load", failing)
         if isinstance(fault, MemoryError):
             with pytest.raises(MemoryError):
-                response_cache.load(KEY)
+                response_cache.recall(KEY)
         else:
-            assert response_cache.load(KEY) is None
-    assert response_cache.load(KEY) is not None
+            assert response_cache.recall(KEY) is None
+    assert response_cache.recall(KEY) is not None
 
 
 @pytest.mark.parametrize("kept", [0, 1, 100, 0.5, 0.99])
 def test_a_truncated_entry_is_dropped_and_made_again(entry: Path, kept: float) -> None:
     data = entry.read_bytes()
     entry.write_bytes(data[: int(kept if kept >= 1 else kept * len(data))])
-    assert response_cache.load(KEY) is None
+    assert response_cache.recall(KEY) is None
     assert not entry.exists()
-    response_cache.save(KEY, ARRAYS)
-    assert response_cache.load(KEY) is not None
+    response_cache.keep(KEY, ARRAYS)
+    assert response_cache.recall(KEY) is not None
 
 
 def test_an_entry_under_a_wrong_name_is_not_read(entry: Path) -> None:
     """As after a careless copy: the key inside the file decides, not the name."""
     other = KEY | {"seed": 2}
     entry.rename(entry.with_name(f"{response_cache.digest_of(other)}.npz"))
-    assert response_cache.load(other) is None
+    assert response_cache.recall(other) is None
 
 
 @pytest.mark.parametrize("merged", [None, np.array([[[0, 1], [1, 0]]])])
