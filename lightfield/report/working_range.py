@@ -25,6 +25,7 @@ from lightfield.studies.working_range.reaches import POSE_RULES
 from lightfield.studies.working_range.study import WorkingRange
 from lightfield.studies.working_range.text import (
     array_sentence,
+    asked_sentences,
     columns,
     distance,
     distance_or_none,
@@ -146,7 +147,7 @@ def range_page(found: WorkingRange) -> str:
     )
     table = Table(told, ("up to", *columns(found)), rows(found))
     sections = [
-        Section("How far", (light,), (), (table,)),
+        Section("How far", (light,), asked_sentences(found), (table,)),
         Section("What an array of receivers tells of its pose", (pose,), (array_sentence(found),)),
     ]
     title = f"{found.scene.name or 'Lamp'}: working range"

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from lightfield.arrays import Array
 from lightfield.formula.own_formulas import lit
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
+from lightfield.scene.lamp.frame import axis_at, is_tilted
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
@@ -18,6 +21,9 @@ from lightfield.studies.working_range.smooth_light import smooth_light
 #: The array of a scene that has none: that which the group's own later work settled on (Eren 2015, thesis,
 #: University of New Hampshire, scholars.unh.edu/dissertation/2193).
 ARRAY = DetectorArray(count=(5, 5), size_m=0.4, radius_m=0.32)
+
+#: Water between an array and a wall, m: enough for the finest cells of its light.
+_BESIDE_M = 0.1
 
 
 def with_array(
@@ -39,6 +45,19 @@ def with_array(
     if not changed:
         return scene
     return scene.model_copy(update={"array": scene.array or ARRAY}).with_values(changed)
+
+
+def sides_met_m(scene: Scene) -> float:
+    """Distance at which an array on the axis of a tilted beam stands next to a side of its tank, m.
+
+    Infinite where it never does, and where the beam is not tilted: `smooth_light` has its own word for these.
+    """
+    if scene.tank is None or not is_tilted(scene.lamp):
+        return float("inf")
+    reach = elements_of(scene.array or ARRAY).reach_m
+    begin, end = np.abs(np.array(axis_at(lit(scene).lamp, np.array([0.0, 1.0])))).max(axis=0)
+    free = min(scene.tank.room_m) - reach - _BESIDE_M - begin
+    return float(free / (end - begin) - reach) if end > begin else float("inf")
 
 
 @dataclass(frozen=True)

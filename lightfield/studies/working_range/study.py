@@ -10,7 +10,9 @@ The bound is that of `studies.follower.information`, with gain and water unknown
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -25,12 +27,13 @@ from lightfield.progress import step
 from lightfield.readings import Readings
 from lightfield.render.limits import AXIS_PHOTONS, check_photons
 from lightfield.scene import DetectorArray, Scene
+from lightfield.scene.lamp.frame import axis_at, is_tilted
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.parameters import told
 from lightfield.studies import defaults
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
 from lightfield.studies.working_range.around_axis import DARK, RADII, SmoothField
-from lightfield.studies.working_range.poses import known_poses
+from lightfield.studies.working_range.poses import known_poses, sides_met_m
 from lightfield.studies.working_range.reaches import (
     POSES,
     SCAN,
@@ -41,6 +44,8 @@ from lightfield.studies.working_range.reaches import (
     pose_sigmas,
 )
 
+#: Where an axis meets planes, x and y, m.
+Axis = Callable[[Array], tuple[Array, Array]]
 #: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
 #: So many times the nearest distance is far: steps are then equal ratios.
@@ -156,6 +161,11 @@ def working_range(
     with step(0, 2, "light"):
         field, light = _field(scene, trace, nodes)
     plain, _ = _field(scene, None, nodes)
+    # A spot lies about the beam's own axis.
+    spot, spot_light, plain_spot = field, light, plain
+    if is_tilted(scene.lamp):
+        about = partial(axis_at, lit(scene).lamp)
+        (spot, spot_light), (plain_spot, _) = (_field(scene, t, nodes, about) for t in (trace, None))
     fine = _steps(first, last, SCAN)
     axis = [f.at(np.zeros(len(z)), z) for f in (field, plain)]
     at = _steps(first, last, POSES)
@@ -164,8 +174,8 @@ def working_range(
     modes = light.relative_modes[:: len(RADII)]
     relative = np.interp(z, nodes, np.linalg.norm(modes - modes[:1], axis=1))
     ratio, formula = (there / there[0] for there in axis)
-    half = np.array([[f.half_radius(at) for at in z] for f in (field, plain)])
-    half_error = np.interp(z, nodes, _half_error(light, field, nodes))
+    half = np.array([[f.half_radius(at) for at in z] for f in (spot, plain_spot)])
+    half_error = np.interp(z, nodes, _half_error(spot_light, spot, nodes))
     dataset = xr.Dataset(
         {
             "light": ("z_m", ratio, {"long_name": "light on the axis over that at the reference"}),
@@ -203,24 +213,31 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
     return (*rules, *pose_reaches(data, fine))
 
 
-def _field(scene: Scene, trace: DiffuseSource | None, z: Array) -> tuple[SmoothField, LightAt]:
-    """Light around the axis, and at the places it was asked at: radii within distances, where a tank has most
-    room."""
+def _field(
+    scene: Scene, trace: DiffuseSource | None, z: Array, about: Axis | None = None
+) -> tuple[SmoothField, LightAt]:
+    """Light around an axis, straight ahead of the lamp unless told otherwise, and at the places it was asked
+    at: radii within distances, where a tank has most room."""
     lamp = lit(scene).lamp
+    axis = about or (lambda z_m: (np.full(len(z_m), lamp.offset_x_m), np.full(len(z_m), lamp.offset_y_m)))
     beam = float(np.tan(np.radians(min(stated_width_deg(lamp), _WIDEST_DEG))))
     most, towards = float(RADII[-1]), 1.0
     if scene.tank is not None:
-        left, right = (abs(wall - lamp.offset_x_m) for wall in scene.tank.box_m[0])
+        room = np.abs(np.array(scene.tank.box_m[0])[:, None] - axis(z)[0]) - _BEFORE_WALL_M
+        left, right = (room / (beam * z)).min(axis=1)
         towards = 1.0 if right >= left else -1.0
-        most = min(most, (max(left, right) - _BEFORE_WALL_M) / (beam * z[-1]))
+        most = min(most, float(max(left, right)))
     width = beam * most / RADII[-1]
     along, radius = (v.ravel() for v in np.meshgrid(z, RADII, indexing="ij"))
-    x = lamp.offset_x_m + towards * radius * width * along
-    light = light_at(scene, x, np.full(len(x), lamp.offset_y_m), along, trace)
+
+    def aside(rho_m: Array, z_m: Array) -> tuple[Array, Array]:
+        x, y = axis(z_m)
+        return x + towards * rho_m, y
+
+    light = light_at(scene, *aside(radius * width * along, along), along, trace)
 
     def direct(rho_m: Array, z_m: Array) -> Array:
-        y = np.full(len(z_m), lamp.offset_y_m)
-        return light_at(scene, lamp.offset_x_m + towards * rho_m, y, z_m, None).direct
+        return light_at(scene, *aside(rho_m, z_m), z_m, None).direct
 
     return SmoothField(z, width, _smooth(light, along, radius).reshape(len(z), -1), direct), light
 
@@ -301,14 +318,15 @@ def _of_first_band(r: Readings, scene: Scene) -> Readings:
 
 
 def _from_axis_m(r: Readings, scene: Scene) -> Array:
-    """How far from the lamp's axis, shape (n,), m."""
+    """How far from the line straight ahead of the lamp, shape (n,), m."""
     return np.hypot(r.x_m - scene.lamp.offset_x_m, r.y_m - scene.lamp.offset_y_m)
 
 
 def _half_radius_read(r: Readings, scene: Scene, z_m: float) -> float:
     """Radius of half intensity by a line through ln(value) over radius squared; NaN from one radius."""
     mine = np.isclose(r.z_m, z_m, atol=1e-4) & (r.value > 0)
-    rho2 = _from_axis_m(r, scene)[mine] ** 2
+    x, y = axis_at(lit(scene).lamp, r.z_m[mine])
+    rho2 = (r.x_m[mine] - x) ** 2 + (r.y_m[mine] - y) ** 2
     if len(rho2) < 2 or not np.ptp(rho2) > 0:
         return float("nan")
     slope = -np.polyfit(rho2, np.log(r.value[mine]), 1)[0]
@@ -324,6 +342,8 @@ def _ends(scene: Scene, to_m: float | None) -> tuple[float, float]:
         end = f"{_BEYOND:g} times the last of them"
     if scene.tank is not None and last > (wall := scene.tank.box_m[2][1] - _BEFORE_WALL_M):
         last, end = wall, f"{_BEFORE_WALL_M:g} m before the end of the tank"
+    if last > (side := sides_met_m(scene)):
+        last, end = side, "where an array on the tilted beam's axis is next to a side of the tank"
     if not (np.isfinite(last) and 1.1 * first < last <= FARTHEST_M):
         listed = told(scene.detector, key) if key == "planes_m" else key
         raise SceneError(

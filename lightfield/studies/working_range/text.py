@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import finite
+from lightfield.scene.lamp.frame import is_tilted
 from lightfield.studies.follower.array_light import LAMP_TILTS
 from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.working_range.reaches import POSE_RULES, RELATIVE, Reach
@@ -22,7 +23,7 @@ def as_text(found: WorkingRange) -> str:
         lines.append(
             "  ".join([f"{rule:<{words}}", *(f"{c:>{w}}" for c, w in zip(cells, widths, strict=True))])
         )
-    lines.append(array_sentence(found))
+    lines += [*asked_sentences(found), array_sentence(found)]
     return "\n".join(lines)
 
 
@@ -33,6 +34,21 @@ def headline(found: WorkingRange) -> str:
     if not found.traced:
         return f"By the formula alone (nothing traced) the {falls}."
     return f"The {falls}; the formula says {distance_or_none(light.formula_m)}."
+
+
+def asked_sentences(found: WorkingRange) -> list[str]:
+    """How far was asked, and which light is meant where the lamp does not point along the tank."""
+    near, far = (float(found.dataset.z_m[k]) for k in (0, -1))
+    asked = f"Asked from {near:g} to {far:.4g} m."
+    if not is_tilted(found.scene.lamp):
+        return [asked]
+    lamp = found.scene.lamp
+    return [
+        asked,
+        f"The lamp is tilted by {lamp.tilt_x_deg:g} and {lamp.tilt_y_deg:g} degrees towards +x and +y: light "
+        "over that at the reference is told straight ahead of the lamp, along the tank; spot and poses are "
+        "about the beam's own axis.",
+    ]
 
 
 def array_sentence(found: WorkingRange) -> str:
