@@ -34,7 +34,8 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
     Parameters
     ----------
     path : path-like
-        CSV with a header line; lines that begin with # are comments.
+        CSV with a header line: cells parted by commas, or by semicolons or tabulators, and then with decimal
+        points or commas. Lines that begin with # are comments.
     elements : int
         How many the array has.
     rate_hz : float, Hz
@@ -50,7 +51,9 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
         lines = read_bytes(path, READINGS).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
         raise MeasurementError("not a text file", where=where, rule="a UTF-8 CSV file") from error
-    rows = [(k, line.split(",")) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    told = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    separator = max(",;\t", key=told[0][1].count) if told else ","
+    rows = [(k, line.split(separator)) for k, line in told]
     header = [name.strip() for name in rows[0][1]] if rows else []
     wanted = [f"e{k + 1}" for k in range(elements)]
     missing = [name for name in wanted if name not in header]
@@ -69,7 +72,7 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
     values: list[list[float]] = []
     for number, cells in rows[1:]:
         try:
-            row = [float(cells[k]) for k in columns]
+            row = [float(cells[k].replace(",", ".")) for k in columns]
         except (ValueError, IndexError):
             problems.append(f"line {number}: not {len(columns)} numbers")
             continue

@@ -232,6 +232,16 @@ def test_a_table_of_readings(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_a_table_with_decimal_commas(tmp_path: Path, separator: str) -> None:
+    """As spreadsheets of half the world write it, with the mark of UTF-8 before it."""
+    path = tmp_path / "readings.csv"
+    text = "\r\n".join(["## by hand", "time_s;e1;e2", "0;1,5;2e-3", "0,25;1,25;0,5", ""])
+    path.write_bytes(b"\xef\xbb\xbf" + text.replace(";", separator).encode())
+    found = read_samples(path, 2, 10.0)
+    assert found.time_s.tolist() == [0.0, 0.25] and found.readings.tolist() == [[1.5, 0.002], [1.25, 0.5]]
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
