@@ -17,7 +17,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array, jackknife_stderr
-from lightfield.errors import UsageError
+from lightfield.errors import RenderError, UsageError
 from lightfield.formula.own_formulas import lit
 from lightfield.formula.vector import direct_flux
 from lightfield.maps.dataset import CONVENTIONS, PLACE
@@ -100,6 +100,7 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
         An impossible grid, or one that is not all in the water.
     """
     across, along = asked.axes()
+    _refuse_walls(scene, across, along)
     z, y, x = np.meshgrid(along, across, across, indexing="ij")
     place = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     direct = direct_flux(scene, place)
@@ -141,6 +142,24 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
     return xr.Dataset(variables, coords, _attributes(scene, photons, seed))
 
 
+def _refuse_walls(scene: Scene, across: Array, along: Array) -> None:
+    """A grid that reaches into a wall, or above the surface, is refused; where light is traced, or not."""
+    if scene.tank is None:
+        return
+    ends = [(float(v[0]), float(v[-1])) for v in (across, across, along)]
+    if all(low <= a and b <= high for (a, b), (low, high) in zip(ends, scene.tank.box_m, strict=True)):
+        return
+    raise RenderError(
+        "the grid reaches out of the water",
+        found=f"|x|, |y| up to {ends[0][1]:g} m, z from {ends[2][0]:g} to {ends[2][1]:g} m",
+        rule="; ".join(
+            f"{low:.4g} <= {axis} <= {high:.4g}"
+            for axis, (low, high) in zip(_AXES, scene.tank.box_m, strict=True)
+        ),
+        remedy="ask for a smaller part of the water",
+    )
+
+
 def _variable(
     values: Array, shape: tuple[int, ...], meaning: str
 ) -> tuple[tuple[str, ...], Array, dict[str, str]]:
@@ -156,7 +175,8 @@ def _attributes(scene: Scene, photons: float, seed: int) -> dict[str, str | floa
     return {
         "Conventions": CONVENTIONS,
         "title": f"Light field of {scene.name or 'a lamp'}",
-        "source": f"lightfield {__version__}: Monte Carlo light transport; direct light in closed form",
+        "source": f"lightfield {__version__}: direct light in closed form; "
+        + ("Monte Carlo light transport" if photons else "nothing traced, no scattered or reflected light"),
         "comment": "For unit radiant intensity on the lamp's axis. A cosine receiver of outward unit normal "
         "n reads max(-n . flux_direct, 0) + max(-n . flux_diffuse, 0) + backward (1 + |n_z|) / 2. "
         "Right-handed frame, lamp at the origin: z along the beam, x horizontal, y up. Interpolate light "

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
 from lightfield import cli
-from lightfield.errors import UsageError
+from lightfield.errors import RenderError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.maps.dataset import write_netcdf
 from lightfield.render.flux.traced_field import Region, traced_field
@@ -97,6 +97,17 @@ def test_errors_are_those_of_another_seed(stored) -> None:
 def test_grids_that_make_no_sense(wrong) -> None:
     with pytest.raises(UsageError, match="impossible grid"):
         Asked(*wrong).axes()
+
+
+@pytest.mark.parametrize("asked", [Asked(1.1, 4.5, 6.5), Asked(0.6, 4.5, 6.5), Asked(0.4, 4.5, 9.8)])
+def test_a_grid_that_leaves_the_water_is_refused_without_photons_too(asked: Asked) -> None:
+    """A tank of 2 x 1 x 10 m, the lamp in its middle: walls at 1 m, floor and top at 0.5, end at 9.5 m."""
+    tank = {"width_m": 2.0, "depth_m": 1.0, "length_m": 10.0, "behind_lamp_m": 0.5}
+    scene = Scene.from_dict({**SCENE, "tank": tank, "detector": {"planes_m": [4.5, 6.5], "width_m": 1.0}})
+    with pytest.raises(RenderError, match="out of the water"):
+        field_dataset(scene, asked, photons=0)
+    found = field_dataset(scene, Asked(0.5, 4.5, 9.5), photons=0)
+    assert "nothing traced" in found.attrs["source"]
 
 
 def test_a_grid_of_gigabytes_is_refused() -> None:
