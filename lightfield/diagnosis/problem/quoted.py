@@ -26,6 +26,9 @@ _CURVE_ROUNDS, _LEAST_SPREAD, _HALF_WEIGHT, _SMALLEST_VARIANCE = 8, 0.05, 4.0, 1
 #: A group has a factor of its own when so many errors are off by so many standard errors of their median,
 #: which is 1.25 = sqrt(pi / 2) times that of a mean.
 _FEWEST_IN_GROUP, _GROUP_SIGMA, _MEDIAN_ERROR = 8, 5.0, 1.25
+#: Groups have units of their own where stated errors scatter by less than this part about such a law.
+#: Chosen: by chance those of one law hardly do.
+_CLEARER = 0.8
 #: Least part of a standard error that is a reading's own, where the rest is shared with others. Chosen: a
 #: lamp's flicker is that of its temperature, some half more in the blue than in the red, and bands of a
 #: spectrum agree no better than that.
@@ -36,7 +39,12 @@ NO_LIGHT = 1e-100
 
 def errors_stated(quoted: Array) -> bool:
     """Does the table quote enough standard errors to go by?"""
-    return int((np.isfinite(quoted) & (quoted > 0)).sum()) >= FEWEST_STATED
+    return int(_stated(quoted).sum()) >= FEWEST_STATED
+
+
+def _stated(quoted: Array) -> NDArray[np.bool_]:
+    """Which readings have a standard error, shape (n,)."""
+    return np.asarray(np.isfinite(quoted) & (quoted > 0))
 
 
 def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> Array:
@@ -54,16 +62,40 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
     group : array of int, shape (n,)
         Readings of one group may share a factor (integration time, channel).
     """
-    # A model without any light, or with next to none, has the errors of the dark.
+    top, lit = _top(quoted, prediction)
+    if not errors_stated(quoted):
+        level = np.clip(prediction, 0, None) / top * lit
+        return np.asarray(top * np.sqrt(ASSUMED_FLOOR**2 + (ASSUMED_RELATIVE * level) ** 2))
+    units = [np.full(len(prediction), top)]
+    if len(groups := np.unique(group)) > 1:
+        # Bands that are calibrated each by itself share a law only in parts of their own brightest reading.
+        own = np.empty(len(prediction))
+        for label in groups:
+            mine = group == label
+            own[mine] = _top(quoted[mine], prediction[mine])[0]
+        units.append(own)
+    laws = [_law(quoted / unit, np.clip(prediction, 0, None) / unit * lit, group) for unit in units]
+    chosen = -1 if laws[-1][1] < _CLEARER * laws[0][1] else 0
+    sigma = units[chosen] * laws[chosen][0]
+    # A reading whose own error is far above the curve was marked as poor on purpose.
+    poor = _stated(quoted) & (np.nan_to_num(quoted) > _TALL * sigma)
+    return np.asarray(np.where(poor, np.nan_to_num(quoted), sigma))
+
+
+def _top(quoted: Array, prediction: Array) -> tuple[float, bool]:
+    """What readings are parts of, and whether that is light: a model without any, or with next to none, has
+    the errors of the dark."""
     brightest, largest = float(np.max(np.abs(prediction))), float(np.nan_to_num(quoted).max(initial=0.0))
     lit = brightest > NO_LIGHT * largest
-    top = (brightest if lit else largest) or 1.0
-    level = np.clip(prediction, 0, None) / top * lit
+    return (brightest if lit else largest) or 1.0, lit
+
+
+def _law(quoted: Array, level: Array, group: NDArray[np.int_]) -> tuple[Array, float]:
+    """Smoothed errors, shape (n,), and how far the logarithms of the stated variances lie from theirs in the
+    mean, where those marked as poor are not far."""
     basis = np.stack([np.ones_like(level), level, level**2], axis=1)
-    if not errors_stated(quoted):
-        return np.asarray(top * np.sqrt(ASSUMED_FLOOR**2 + (ASSUMED_RELATIVE * level) ** 2))
-    known = np.isfinite(quoted) & (quoted > 0)
-    variance = (quoted[known] / top) ** 2
+    known = _stated(quoted)
+    variance = quoted[known] ** 2
     # Neither what was marked as poor on purpose nor what is far too small leads the first fit.
     fitted = np.maximum(variance, np.median(variance))
     robust = np.ones_like(fitted)
@@ -84,10 +116,8 @@ def smooth_stderr(quoted: Array, prediction: Array, group: NDArray[np.int_]) -> 
             shift = float(np.median(misfit[members]))
             if abs(shift) > _GROUP_SIGMA * _MEDIAN_ERROR * spread / np.sqrt(members.sum()):
                 factor[group == label] = np.exp(shift)
-    sigma = top * np.sqrt(smooth * factor)
-    # A reading whose own error is far above the curve was marked as poor on purpose.
-    poor = known & (np.nan_to_num(quoted) > _TALL * sigma)
-    return np.asarray(np.where(poor, np.nan_to_num(quoted), sigma))
+    off = np.abs(misfit - np.log(factor[known]))
+    return np.sqrt(smooth * factor), _LEAST_SPREAD + float(np.minimum(off, 2 * np.log(_TALL)).mean())
 
 
 def own_part(sigma: Array, shared: Array) -> Array:

@@ -68,6 +68,18 @@ def test_what_is_marked_as_poor_says_nothing_of_the_others(times: float, poor: i
     np.testing.assert_allclose(smooth[others], true[others], rtol=1e-3)
 
 
+@pytest.mark.parametrize("unit", [1.0, 0.3, 0.01, 1e-7])
+def test_errors_of_bands_in_units_of_their_own_are_smoothed_within_each(unit: float) -> None:
+    """A third band calibrated by itself: its dark error is a part of its own brightest reading."""
+    level = 10 ** np.linspace(-2.5, 0, 60)
+    one = np.hypot(0.005 * level, 8e-4) * np.exp(0.1 * RNG.standard_normal(60))
+    true = np.hypot(0.005 * level, 8e-4)
+    smooth = smooth_stderr(
+        np.r_[one, one, unit * one], np.r_[level, level, unit * level], np.repeat([0, 1, 2], 60)
+    )
+    np.testing.assert_allclose(smooth, np.r_[true, true, unit * true], rtol=0.08)
+
+
 def test_whitened_noise_is_white() -> None:
     """Draws from the covariance, whitened, have unit variance and no correlation (20000 draws: 1 %)."""
     lay = layout(3, 5)
