@@ -22,9 +22,9 @@ _STEPS, _LEFT = 12, 1e-5
 #: Of more effects than this, fits in between and without one plane take the slopes of a neighbouring one, and
 #: may leave this of chi-square: with all their derivatives they take minutes in scattered light.
 _FEW, _ROUGHLY = 2, 1e-2
-#: Fits in between after which no more orders of the rungs are looked at; factor from which a rise of the
-#: error in per cent is seen, and what one to no number counts as. Chosen.
-_MOST, _SEEN, _NO_NUMBER = 40, 1.01, 1e6
+#: Fits in between after which no more orders of the rungs are compared; factor from which a rise of the error
+#: in per cent is seen, how much it counts beside its height, and what one to no number counts. Chosen.
+_MOST, _SEEN, _RISES, _NO_NUMBER = 40, 1.01, 50.0, 1e3
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ def _order(
 ) -> tuple[Candidate, ...]:
     """The effects in the order in which each lowers the misfit most beside those before it.
 
-    Of all orders, one in which the error in per cent rises least: where the model is nearly dark, per cent of
-    it can grow, or mean nothing, while chi-square falls.
+    Where the error in per cent rises on that way, as it can while chi-square falls where the model is nearly
+    dark, the way on which it is lowest from rung to rung, and rises least.
     """
     known, counted = dict(zip(full.paths, full.u, strict=True)), bright(problem)
     fits = {frozenset[int](): base, frozenset(range(len(explanation))): full}
@@ -139,26 +139,38 @@ def _order(
                 fits[key] = _nearby(problem, part, whiten, start, full)
         return fits[key]
 
-    # By the sum of rises, then the longest, then the least chi-square: without rises the first is the last.
-    ways: list[tuple[float, int, float, tuple[int, ...]]] = [(0.0, 0, base.chi2, ())]
-    while True:
-        rise, _, _, order = heapq.heappop(ways)
+    def longer(order: tuple[int, ...]) -> list[tuple[tuple[int, ...], Fit]]:
+        there = [(*order, i) for i in range(len(explanation)) if i not in order]
+        return [(one, fitted(one, fits[frozenset(order)])) for one in there]
+
+    def error(order: tuple[int, ...]) -> float:
+        return percent(problem, fits[frozenset(order)].prediction, counted)
+
+    way: tuple[int, ...] = ()
+    rises = False
+    while len(way) < len(explanation):
+        before = error(way)
+        way = min(longer(way), key=lambda one: one[1].chi2)[0]
+        rises = rises or not error(way) <= _SEEN * before
+    # What every way costs so far; when there is no time left, the first to its end.
+    ways: list[tuple[float, tuple[int, ...]]] = [(0.0, ())]
+    while rises:
+        cost, order = heapq.heappop(ways)
         if len(order) == len(explanation):
-            return tuple(explanation[i] for i in order)
-        here = fits[frozenset(order)]
-        error = percent(problem, here.prediction, counted)
-        for i in set(range(len(explanation))) - set(order):
-            longer = (*order, i)
-            there = fitted(longer, here)
-            more = _rise(error, percent(problem, there.prediction, counted)) if len(fits) < _MOST else 0.0
-            heapq.heappush(ways, (rise + more, -len(longer), there.chi2, longer))
+            way = order
+            break
+        for one, _ in longer(order):
+            more = _cost_of_rung(error(order), error(one)) if len(fits) < _MOST else 0.0
+            heapq.heappush(ways, (cost + more, one))
+    return tuple(explanation[i] for i in way)
 
 
-def _rise(before: float, after: float) -> float:
-    """By what an error in per cent rises, but for what nobody sees."""
+def _cost_of_rung(before: float, after: float) -> float:
+    """Of a ladder in steps of the error's logarithm: how high a rung lies, and how far it rises."""
     if not np.isfinite(after):
         return _NO_NUMBER
-    return after - before if after > _SEEN * before else 0.0
+    log = np.log1p(after)
+    return float(log + _RISES * max(log - np.log1p(before), 0.0)) if after > _SEEN * before else float(log)
 
 
 def _nearby(problem: Problem, part: Explanation, whiten: Whiten, start: Array, like: Fit) -> Fit:
