@@ -252,8 +252,22 @@ def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
     Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
     """
     forms = _forms(pool, node, candidate)
-    # The range of the width is chosen; where it lies at its end all sets are compared there.
-    return WIDTH in node.bounded or any(p.path in node.bounded for c in forms for p in c.amplitudes)
+    # The range of the width is chosen; where it lies at its end all sets are compared there. Where its error
+    # reaches there it may be without end, and what is known of directions is what is found beside it.
+    open_ = candidate.effect.of_direction and width_reaches_its_end(pool, node)
+    at_end = any(p.path in node.bounded for c in forms for p in c.amplitudes)
+    return at_end or open_ or WIDTH in node.bounded
+
+
+def width_reaches_its_end(pool: Pool, node: Node) -> bool:
+    """Does the beam's width lie within one of its errors of an end of its range?"""
+    fit = node.fit
+    if WIDTH not in fit.paths:
+        return False
+    i = fit.paths.index(WIDTH)
+    parameter, u = fit.model.parameters[i], float(fit.u[i])
+    sigma = float(np.sqrt(fit.covariance(pool.ground.phi)[i, i]))
+    return min(u - parameter.low, parameter.high - u) < sigma
 
 
 def _forms(
