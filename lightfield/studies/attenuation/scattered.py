@@ -259,6 +259,10 @@ def _fitted(
     return estimate, a, b, told
 
 
+def _drawn_out(b: Array, step: Array, largest: float) -> NDArray[np.bool_]:
+    return ((b <= 0) & (step < 0)) | ((b >= largest) & (step > 0))
+
+
 def _absorption(
     stack: Stack, a: Array, b: Array, told: NDArray[np.bool_]
 ) -> tuple[JointEstimate, Array, Array]:
@@ -274,15 +278,16 @@ def _absorption(
         columns = np.concatenate([alphas, (by_a - s)[..., None], (by_b - s)[..., None]], axis=2)
         last = np.zeros((1, *columns.shape[1:]))
         last[..., -1] = 1.0
-        estimate = Design(known, np.concatenate([columns, last]), H, errors).estimate(
-            np.vstack([rest, 0.5 * largest - b])
-        )
-        step_a, step_b = estimate.theta[:, tables], estimate.theta[:, tables + 1]
-        # With b held, a goes where the combination that is told leads it.
-        covariance = estimate.of_each()[:, -2:, -2:]
-        along = covariance[:, 0, 1] / covariance[:, 1, 1]
-        new_a = a + np.where(told, step_a, step_a - along * step_b)
-        new_b = np.where(told, np.clip(b + step_b, 0.0, largest), b)
+        columns, values = np.concatenate([columns, last]), np.vstack([rest, 0.5 * largest - b])
+        estimate = Design(known, columns, H, errors).estimate(values)
+        step, held = estimate.theta, np.zeros(len(b), bool)
+        # With b held, or at an end that it is drawn beyond, all else goes where it is best given that b.
+        while (more := ~held & (~told | _drawn_out(b, step[:, tables + 1], largest))).any():
+            held |= more
+            within = np.where(held[:, None] & (np.arange(tables + 2) > tables), 0.0, columns)
+            step = Design(known, within, H, errors).estimate(values).theta
+        new_a = a + step[:, tables]
+        new_b = np.where(held, b, np.clip(b + step[:, tables + 1], 0.0, largest))
         moved = max(np.abs(new_a - a).max(), np.abs(new_b - b).max())
         a, b = new_a, new_b
         if moved < _STILL:
