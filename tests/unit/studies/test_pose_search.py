@@ -1,0 +1,59 @@
+"""The pose of least chi-square from many starts at once, against SciPy's from each of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from lightfield.scene import Scene
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
+from lightfield.studies.follower.array_noise import SensorNoise
+from lightfield.studies.follower.elements import grid, on_sphere
+from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.pose_search import box_of, find_minima, starts_in
+
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 3.81},
+        "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05},
+        "array": {"size_m": 0.26, "radius_m": 0.19},
+    }
+)
+MODEL = ArrayModel(FormulaLight(SCENE), on_sphere(grid((5, 5), 0.26), 0.19))
+NOISE, FIVE, BOX = SensorNoise(brightest=0.01), POSE[:5], box_of(Space(0.4, 4.5, 8.5))
+
+
+def scipys(readings: np.ndarray, variance: np.ndarray, start: np.ndarray, prior: float) -> float:
+    """Least chi-square from one start; the logarithm of the gain is held, known so well, or free."""
+
+    def residual(q: np.ndarray) -> np.ndarray:
+        gain = q[5] if prior else 0.0
+        read = MODEL.readings(np.append(q[:5], 0.0)[None])[0]
+        return np.append((readings - np.exp(gain) * read) / np.sqrt(variance), gain / prior if prior else 0.0)
+
+    low, high = BOX[0][:5], BOX[1][:5]
+    if prior:
+        low, high = np.append(low, -50.0), np.append(high, 50.0)
+    found = optimize.least_squares(
+        residual, np.append(start[:5], [0.0] if prior else []), "3-point", bounds=(low, high), x_scale="jac",
+        xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=300,
+    )  # fmt: skip
+    return float(2 * found.cost)
+
+
+@pytest.mark.parametrize("seed", range(42))
+def test_the_best_of_some_starts_is_no_worse_than_scipys(seed: int) -> None:
+    """To a hundredth of sigma^2; the gain is known, known to 10 %, or free."""
+    rng, prior = np.random.default_rng(seed), (0.0, 0.1, np.inf)[seed % 3]
+    truth = rng.uniform(-1, 1, 6) * np.array([0.4, 0.4, 0.0, 0.3, 0.3, 0.0])
+    truth[2] = rng.uniform(4.5, 8.5)
+    clean = MODEL.readings(truth[None])[0]
+    variance = NOISE.variance(clean)
+    readings = clean + np.sqrt(variance) * rng.standard_normal(len(clean))
+    near = truth + rng.standard_normal(6) * np.array([0.1, 0.1, 0.5, 0.1, 0.1, 0.0])
+    starts = np.vstack([np.clip(near, *BOX), starts_in(BOX, FIVE, 2, seed)])
+    found = find_minima(MODEL, readings, variance, FIVE, starts, gain_sigma=prior, box=BOX)
+    least = min(scipys(readings, variance, start, prior) for start in starts)
+    assert found.chi2.min() <= least + 0.01
+    assert ((found.poses >= BOX[0]) & (found.poses <= BOX[1])).all()
