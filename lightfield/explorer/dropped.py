@@ -8,10 +8,12 @@ from pathlib import Path
 
 from lightfield.errors import MeasurementError
 from lightfield.explorer.protocol import File
-from lightfield.readings import Readings, read_table
+from lightfield.readings import Readings
 from lightfield.readings.importing.importer import import_index
 from lightfield.readings.importing.index import read_index
 from lightfield.readings.problems import Problems
+from lightfield.readings.table.read import table_of_text
+from lightfield.readings.text import decode
 from lightfield.scene import Scene
 
 
@@ -71,7 +73,4 @@ def table_dropped(content: bytes, name: str, scene: Scene) -> Readings:
     MeasurementError
         All problems of the table, each with its line.
     """
-    with tempfile.TemporaryDirectory(prefix="lightfield-") as folder:
-        path = Path(folder) / name
-        path.write_bytes(content)
-        return read_table(path, scene)
+    return table_of_text(decode(content, name), name, scene)

@@ -21,6 +21,9 @@ OPENS_THE_TOP = "tank.surface_reflectance"
 #: doi:10.1364/JOSA.44.000838: mean square slope 0.003 + 0.00512 W, of both directions together).
 STEEPEST_DEG = 15.0
 
+#: First and last x, y and z, m.
+Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
 
 class Tank(Part):
     """A box of water: Lambertian sides, floor, ends, and on top a lid like them or a water surface."""
@@ -111,7 +114,7 @@ class Tank(Part):
         return min(-left, right), min(-low, high)
 
     @property
-    def box_m(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
+    def box_m(self) -> Box:
         """First and last x, y and z of the water, as seen from the lamp's window."""
         half, back = 0.5 * self.width_m, self.behind_lamp_m
         return (
@@ -119,3 +122,8 @@ class Tank(Part):
             (self.lamp_depth_m - self.depth_m, self.lamp_depth_m),
             (-back, self.length_m - back),
         )
+
+
+def walls_m(tank: Tank | None) -> Box:
+    """`Tank.box_m`; open water has no end."""
+    return ((-inf, inf), (-inf, inf), (-inf, inf)) if tank is None else tank.box_m

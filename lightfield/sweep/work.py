@@ -13,7 +13,6 @@ from functools import lru_cache
 from itertools import groupby
 from math import prod
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,14 +24,13 @@ from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import render_scene, with_own_path
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
-from lightfield.render.response.response_cache import is_damage
+from lightfield.render.response.response_cache import is_damage, read_arrays, write_arrays
 from lightfield.render.settings import OnProgress
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
 from lightfield.scene.bands import PIECES, over_bands
 from lightfield.scene.water.coefficients import coefficients_in, is_grey
-from lightfield.storage.files import atomic_path
 from lightfield.storage.tables import kept_by_tables
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
@@ -340,18 +338,16 @@ def _loaded(file: str, _modified: int) -> TransportResponse:
 
 
 def _save(file: Path, response: TransportResponse, reached: float) -> None:
-    arrays: dict[str, Any] = response.packed()
-    arrays |= {"reference": np.array(astuple(response.reference)), "reached": np.array(reached)}
-    with atomic_path(file) as temporary, temporary.open("wb") as out:
-        np.savez(out, **arrays)
+    told = {"reference": np.array(astuple(response.reference)), "reached": np.array(reached)}
+    write_arrays(file, response.packed() | told)
 
 
 def _read(file: Path) -> tuple[TransportResponse, float] | None:
-    """A response and the error it reached; None when it is missing or damaged (the archive has checksums)."""
+    """A response and the error it reached; None when it is missing or damaged."""
     try:
-        with np.load(file, allow_pickle=False) as d:
-            reference = Reference(*d["reference"].tolist())
-            return TransportResponse.unpacked(d, reference), float(d["reached"])
+        stored = read_arrays(file)
+        reference = Reference(*stored["reference"].tolist())
+        return TransportResponse.unpacked(stored, reference), float(stored["reached"])
     except FileNotFoundError:
         return None
     except Exception as error:

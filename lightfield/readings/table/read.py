@@ -58,9 +58,14 @@ def read_table(
     MeasurementError
         All problems of the file, each with its line; or more rows than are read within seconds.
     """
-    where = fspath(path)
+    return table_of_text(text.read_text(fspath(path), READINGS), fspath(path), scene, required)
+
+
+def table_of_text(
+    content: text.Text, where: str, scene: Scene | None = None, required: Sequence[str] = REQUIRED
+) -> Readings:
+    """The same from the lines of a table that is called so."""
     problems = Problems(where)
-    content = text.read_text(where, READINGS)
     _refuse_too_long(content, where)
     sheet = read_sheet(content, problems, COLUMNS, required, NUMBER_COLUMNS)
     if "value" in required:

@@ -26,6 +26,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.frame import axis_at, beam_axes
 from lightfield.scene.lamp.width import half_width_rad
+from lightfield.scene.tank import walls_m
 from lightfield.scene.water.coefficients import coefficients_in
 
 #: Part of the light by which the polynomials may miss it (left after nine in eleven traced fields: at
@@ -147,7 +148,7 @@ def _grid(scene: Scene, span: tuple[float, float], most: float) -> Grid:
     reach = np.sqrt(most) * (span[1] + scene.lamp.apparent_distance_m)
     wanted = reach + float(np.abs(axis_at(scene.lamp, np.array(span))).max())
     # Cells beyond a wall tell nothing: a narrow tank has as many across it as a wide one.
-    rooms = [np.inf, np.inf] if scene.tank is None else [max(map(abs, wall)) for wall in scene.tank.box_m[:2]]
+    rooms = [max(map(abs, wall)) for wall in walls_m(scene.tank)[:2]]
     dx, dy = (2 * min(reach, room) / _ACROSS for room in rooms)
     halves = [int(np.ceil(min(wanted, room) / pitch)) for room, pitch in zip(rooms, (dx, dy), strict=True)]
     x, y = (pitch * np.arange(-n, n + 1) for n, pitch in zip(halves, (dx, dy), strict=True))

@@ -36,6 +36,7 @@ from lightfield.render.response.grid import Grid, reference_of
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, molecular_share
+from lightfield.scene.tank import walls_m
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 from lightfield.scene.water.hardening import hardening_depth
 
@@ -129,12 +130,14 @@ def traced_field(
 
 
 def _check(scene: Scene, region: Region) -> None:
-    box = scene.tank.box_m if scene.tank else ((-np.inf, np.inf),) * 3
     grid = region.grid()
     near = region.near_m > scene.lamp.least_distance_m
     inside = near and region.far_m > region.near_m and region.half_width_m > 0
     for cells, pitch, (low, high) in zip(
-        (grid.x_m, grid.y_m, grid.z_m), (grid.pitch_x_m, grid.pitch_y_m, 0.0), box, strict=True
+        (grid.x_m, grid.y_m, grid.z_m),
+        (grid.pitch_x_m, grid.pitch_y_m, 0.0),
+        walls_m(scene.tank),
+        strict=True,
     ):
         inside = (
             inside

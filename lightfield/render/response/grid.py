@@ -13,7 +13,7 @@ from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.in_tank import cells_inside, rows_of_cells
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.receiver import half_view_rad
-from lightfield.scene.tank import Tank
+from lightfield.scene.tank import Tank, walls_m
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: Scattered light varies over the width of the beam, or in broad beams over a tenth of the distance, and over
@@ -224,7 +224,7 @@ def positions_grid(
     """
     planes = np.unique(np.round(z_m, 4))
     fine = fineness(planes, hwhm_deg, tank, detector)
-    walls = tank.box_m if tank else ((-np.inf, np.inf),) * 3
+    walls = walls_m(tank)
 
     def cells(shortest_m: float) -> Grid:
         even = all(_is_even(v, shortest_m) for v in (x_m, y_m))

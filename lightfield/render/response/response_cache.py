@@ -39,11 +39,9 @@ def recall(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
     if not path.exists():
         return None
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        told = bytes(arrays.pop("checksum")).decode()
-        if told != _checksum(arrays) or bytes(arrays.pop("key")).decode() != digest_of(key):
-            raise ValueError("checksum or key does not match")
+        arrays = read_arrays(path)
+        if bytes(arrays.pop("key")).decode() != digest_of(key):
+            raise ValueError("key does not match")
         with suppress(OSError):  # a cache that may be read but not written
             os.utime(path)
         return arrays
@@ -59,6 +57,28 @@ def recall(key: Mapping[str, Any]) -> dict[str, np.ndarray] | None:
         return None
 
 
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays with their checksum, whole or not at all."""
+    named: dict[str, Any] = dict(arrays)
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **named, checksum=np.frombuffer(_checksum(arrays).encode(), np.uint8))
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Arrays that were written so.
+
+    Raises
+    ------
+    OSError, ValueError, ...
+        They cannot be read, or not be trusted: see `is_damage`.
+    """
+    with np.load(path, allow_pickle=False) as stored:
+        arrays = {name: stored[name] for name in stored.files}
+    if bytes(arrays.pop("checksum")).decode() != _checksum(arrays):
+        raise ValueError("checksum does not match")
+    return arrays
+
+
 def is_damage(error: Exception) -> bool:
     """Is it what a damaged archive makes zipfile and NumPy raise? No lack of memory, no fault of a disk."""
     if isinstance(error, OSError):
@@ -68,10 +88,9 @@ def is_damage(error: Exception) -> bool:
 
 def keep(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
     """Store arrays under `key`; a full or read-only disk costs the cache entry, not the result."""
-    kept: dict[str, Any] = {**arrays, "key": np.frombuffer(digest_of(key).encode(), np.uint8)}
+    kept = {**arrays, "key": np.frombuffer(digest_of(key).encode(), np.uint8)}
     try:
-        with atomic_path(_path(key)) as temporary, temporary.open("wb") as file:
-            np.savez(file, **kept, checksum=np.frombuffer(_checksum(kept).encode(), np.uint8))
+        write_arrays(_path(key), kept)
         _make_room(_path(key))
     except (OSError, OutputError) as error:
         log.warning("the transport response was not cached: %s", error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from math import atan, ceil, hypot, inf, log, pi, sqrt
+from math import atan, ceil, hypot, log, pi, sqrt
 from typing import Any
 
 import mitsuba as mi
@@ -24,7 +24,7 @@ from lightfield.render.tracer.planes import Planes, open_water_m
 from lightfield.render.tracer.scattering import by_plugin, henyey_greenstein, with_molecules
 from lightfield.render.tracer.surfaces import Box, OpenWater, beckmann
 from lightfield.scene import Scene
-from lightfield.scene.tank import WATER_INDEX
+from lightfield.scene.tank import WATER_INDEX, walls_m
 from lightfield.scene.water.phase import of_scene
 from lightfield.scene.water.phase.spec import HenyeyGreenstein
 
@@ -133,7 +133,7 @@ def assembled(
         wide_share = 0.1 if reference.scattering_per_m * grid.z_m.max() > 0.2 else 0.4
     emission = Emission(lamp, min(cone, 0.45 * pi), wide_share, nodes)
     position = (lamp.offset_x_m, lamp.offset_y_m, 0.0)
-    ends = scene.tank.box_m[2] if scene.tank else (-inf, inf)
+    ends = walls_m(scene.tank)[2]
     # Maps are means over cells, in whatever water; paths that are asked for themselves lead to the point.
     whole_cells = nodes is None and not flux and path_nodes is None
     straight = straight_path(scene, grid, whole_cells)

@@ -24,6 +24,7 @@ from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
 from lightfield.scene import Scene
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
+from lightfield.scene.tank import walls_m
 from lightfield.scene.water.coefficients import is_grey, scattering_per_m
 from lightfield.studies import defaults
 from lightfield.studies.band.integrals import responsivity, shares_of
@@ -251,7 +252,7 @@ def _transmitted(
     scene: Scene, traced: bool, z: Array, at: Array, tracing: Mapping[str, Any]
 ) -> tuple[Array, Array, Array]:
     """Light at each distance for unit intensity, the slope K of ln(light z^2) and its error, (n_z, n)."""
-    wall = scene.tank.box_m[2][1] if scene.tank is not None else np.inf
+    wall = walls_m(scene.tank)[2][1]
     if z.max() >= wall:
         raise UsageError("a distance outside the tank", found=f"{z.max():g} m", rule=f"less than {wall:g} m")
     step = np.minimum(_SLOPE, 0.5 * (wall / z - 1))  # half way to the wall, where that is nearer
