@@ -24,7 +24,7 @@ FEWEST_STATED = 4
 #: scatter by 11 % is good to 3 % (test_noise.py).
 _CURVE_ROUNDS, _LEAST_SPREAD, _HALF_WEIGHT, _SMALLEST_VARIANCE = 8, 0.05, 4.0, 1e-4
 #: A group has a factor of its own when so many errors are off by so many standard errors of their median,
-#: which is 1.25 = sqrt(pi / 2) times that of a mean.
+#: which is 1.25 = sqrt(pi / 2) times that of a mean. Chosen: by chance one group in a million does.
 _FEWEST_IN_GROUP, _GROUP_SIGMA, _MEDIAN_ERROR = 8, 5.0, 1.25
 #: Groups have units of their own where stated errors scatter by less than this part about such a law.
 #: Chosen: by chance those of one law hardly do.

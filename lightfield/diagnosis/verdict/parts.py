@@ -183,7 +183,8 @@ class Rung(Record):
     rendered_stderr_percent: float | None = Field(None, description="Monte Carlo error of that render")
 
 
-#: A stated size that the search let stand is contradicted only from here on: the adequacy test is the judge.
+#: A stated size that the search let stand is contradicted only from here on, in sigma: the adequacy test is
+#: the judge. Chosen: noise alone goes there once in 1.7 million.
 CONTRADICTED_SIGMA = 5.0
 
 

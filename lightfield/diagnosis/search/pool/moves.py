@@ -5,7 +5,8 @@ from __future__ import annotations
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Key, Node, Pool, Promise, begin_at
 
-#: Levels of additions at most: more effects than any set of readings was seen to hold.
+#: Levels of additions at most: more effects than any set of readings was seen to hold (six and curves, in
+#: benchmarks/many_effects).
 _MOST = 9
 #: A set counts as better when it costs less by this.
 _BETTER = 1e-6
