@@ -18,6 +18,7 @@ class Remarks(str, Enum):
 
     SATURATED = "saturated"
     FAR_PLACES = "far_places"
+    LATE_TIMES = "late_times"
     FAST_TIMES = "fast_times"
     SLOW_TIMES = "slow_times"
     LARGE_ERRORS = "large_errors"
@@ -157,6 +158,8 @@ _SENTENCES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "{saturated} of {readings} readings are saturated and left out",
     Remarks.FAR_PLACES: "{name} reaches {far_m:g} m, where light of a lamp is hardly read: it looks like "
     "centimetres or millimetres",
+    Remarks.LATE_TIMES: "time_s begins at {first_s:g} s: drifts count from 0, the attenuation is that of "
+    "0, and a lamp that grows brighter by {percent:.2g} % or more while it is read is no drift from 0 on",
     Remarks.FAST_TIMES: "by time_s the detector moved at {speed:g} m/s: it looks like minutes or hours",
     Remarks.SLOW_TIMES: "by time_s it took {step_s:g} s from place to place: it looks like milliseconds",
     Remarks.LARGE_ERRORS: "the standard errors are larger than the brightest readings: value and stderr look "
@@ -198,6 +201,7 @@ _SENTENCES: dict[Remarks, _Words] = {
 _REMEDIES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "shorten the exposure there",
     Remarks.FAR_PLACES: "give positions in metres",
+    Remarks.LATE_TIMES: "count time_s from the first reading, or from when the lamp was switched on",
     Remarks.FAST_TIMES: "give time_s in seconds",
     Remarks.SLOW_TIMES: "give time_s in seconds",
     Remarks.LARGE_ERRORS: "exchange them, or state errors in the unit of the readings",

@@ -18,6 +18,10 @@ _FAR_M, _ASIDE = 80.0, 10.0
 #: From place to place no detector moves faster, in m/s, nor takes longer, in s. Chosen: carriages of tow
 #: tanks make 2 to 3 m/s.
 _FAST, _SLOW_S = 5.0, 3600.0
+#: Readings begin no later than so many times as long after time 0 as they took. A lamp of power 1 + d t that
+#: grows by a part p while it is read, k times as long after 0, has d t = p k / (1 - p k) there: none from
+#: p = 1 / k on.
+_LATE = 5.0
 #: Times closer than this are one.
 _AT_ONCE_S = 1e-6
 
@@ -41,8 +45,8 @@ def unit_of_lengths(values: Array, low_m: float, high_m: float) -> tuple[str, fl
 
 
 def unit_warnings(readings: Unchecked) -> list[LoadWarning]:
-    """Positions that are hardly in metres, and times that are hardly in seconds."""
-    return [*_of_places(readings), *_of_times(readings)]
+    """Positions that are hardly in metres, and times that are hardly in seconds, or count from elsewhere."""
+    return [*_of_places(readings), *_of_zero(readings), *_of_times(readings)]
 
 
 def _of_places(readings: Unchecked) -> list[LoadWarning]:
@@ -54,6 +58,18 @@ def _of_places(readings: Unchecked) -> list[LoadWarning]:
         for name, value in far.items()
         if value > limit[name]
     ]
+
+
+def _of_zero(readings: Unchecked) -> list[LoadWarning]:
+    """By how far from time 0 readings begin, as those with seconds of the day do."""
+    time_s = readings.time_s[np.isfinite(readings.time_s)]
+    if not time_s.size:
+        return []
+    first, span = float(time_s.min()), float(np.ptp(time_s))
+    if not 0 < _LATE * span < first:
+        return []
+    told = {"first_s": float(f"{first:.6g}"), "percent": float(f"{100 * span / first:.2g}")}
+    return [LoadWarning(Remarks.LATE_TIMES, told)]
 
 
 def _of_times(readings: Unchecked) -> list[LoadWarning]:

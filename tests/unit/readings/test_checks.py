@@ -129,12 +129,24 @@ def test_positions_in_another_unit_are_told_by_the_tank(given, said):
         ({"time_s": [0.0, 0.1]}, Remarks.FAST_TIMES),
         ({"time_s": [0.0, 20000.0]}, Remarks.SLOW_TIMES),
         ({"time_s": [0.0, 20.0]}, None),
+        ({"time_s": [36000.0, 36020.0]}, Remarks.LATE_TIMES),
+        ({"time_s": [90.0, 110.0]}, None),
     ],
 )
 def test_numbers_that_are_hardly_in_metres_and_seconds_are_warned_of(given, code):
-    units = (Remarks.FAR_PLACES, Remarks.FAST_TIMES, Remarks.SLOW_TIMES)
+    units = (Remarks.FAR_PLACES, Remarks.LATE_TIMES, Remarks.FAST_TIMES, Remarks.SLOW_TIMES)
     found = [w.code for w in readings(**given).warnings if w.code in units]
     assert found == ([] if code is None else [code])
+
+
+def test_from_the_part_that_is_told_on_no_drift_makes_a_lamp_grow_so_much() -> None:
+    """The power 1 + d t of the physics, at the ends of readings that begin late, for any d above 0."""
+    time = np.array([36000.0, 37500.0])
+    (late,) = (w for w in readings(time_s=time).warnings if w.code is Remarks.LATE_TIMES)
+    steep = np.geomspace(1e-3, 1e6, 200)[:, None]
+    first, last = (1 + steep * time / 3600).T
+    grown = 100 * (last / first - 1)
+    assert grown.max() == pytest.approx(late.values["percent"], rel=0.02)
 
 
 @pytest.mark.parametrize(("value", "stderr", "warned"), [(1.0, 0.01, False), (0.01, 1.0, True)])

@@ -10,6 +10,7 @@ from lightfield.readings.load_warning import SHOWN, LoadWarning, Remarks, Value
 VALUES: dict[Remarks, dict[str, Value]] = {
     Remarks.SATURATED: {"saturated": 3, "readings": 41},
     Remarks.FAR_PLACES: {"name": "z_m", "far_m": 250.0},
+    Remarks.LATE_TIMES: {"first_s": 36000.0, "percent": 4.2},
     Remarks.FAST_TIMES: {"speed": 7.5},
     Remarks.SLOW_TIMES: {"step_s": 20000.0},
     Remarks.FEW_PLANES: {"planes": 2},
