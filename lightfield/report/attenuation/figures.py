@@ -70,7 +70,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
             shade = SERIES[k % len(SERIES)]
             right.fill_between(colour, value - error, value + error, color=shade, alpha=0.2, linewidth=0)
             right.plot(colour, value, color=shade, marker=marker, markersize=3, label=f"{d:.3g} m")
-        right.legend(title="distance", loc="best")
+        legend_under(right, columns=3, title="distance")
         label(right, "wavelength (nm)", "% lost", "… and over each distance")
     return fig
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.arrays import jsonable
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.studies.band.study import CRITERIA, FLAT, PAPER_BAND, Bands
+from lightfield.studies.band.study import CRITERIA, FLAT, PAPER_BAND, Bands, BestBand
 
 #: A share of an attenuation that is none.
 UNTOLD = "no share to tell"
@@ -83,13 +83,19 @@ def rows(found: Bands) -> list[list[str]]:
             f"{b.z_m:g} m",
             CRITERIA[b.criterion],
             f"{b.low_nm:g}–{b.high_nm:g} nm",
-            f"{100 * b.paper_share:.0f} ± {max(100 * b.paper_share_stderr, 0.1):.1f} %"
-            if np.isfinite(b.paper_share)
-            else UNTOLD,
+            _share(b),
         ]
         for b in found.best
         if not (found.is_grey and b.criterion == "attenuation")  # all bands alike
     ]
+
+
+def _share(best: BestBand) -> str:
+    """In per cent, with its error where light was traced."""
+    if not np.isfinite(best.paper_share):
+        return UNTOLD
+    error = f" ± {max(100 * best.paper_share_stderr, 0.1):.1f}" if best.paper_share_stderr > 0 else ""
+    return f"{100 * best.paper_share:.0f}{error} %"
 
 
 def as_data(found: Bands) -> dict[str, Any]:

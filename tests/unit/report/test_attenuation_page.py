@@ -38,6 +38,15 @@ def test_only_what_was_published_of_this_water_is_shaded(published: list[list[fl
     assert "tow tank" not in page and ("Grey: " in page) == bool(published)
 
 
+def test_no_legend_lies_over_a_curve() -> None:
+    """Five curves one above the other leave no free corner: the legend of the distances is under its axes."""
+    figure = percent_figure(study(6).apparent[0])
+    figure.canvas.draw()
+    axes = figure.axes[1]
+    legend = axes.get_legend()
+    assert legend.get_window_extent().y1 < axes.get_window_extent().y0
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_page_and_terminal_show_the_same_wavelengths() -> None:
     found = study(17)

@@ -198,6 +198,11 @@ def test_sentences_name_the_bands_and_the_distance_that_they_speak_of() -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_what_was_not_traced_has_no_error_of_a_trace() -> None:
+    found = best_band(Scene.from_dict({"water": {"base": "pure"}}), traced=False)
+    assert "±" not in as_text(found) and "500 to 550 nm has" in as_text(found)
+
+
 def test_words_data_and_page() -> None:
     found = best_band(scene(), False)
     assert len(json.loads(json.dumps(as_data(found)))["best"]) == 6
