@@ -226,7 +226,10 @@ def _seen(v: Findings) -> str:
 
 
 def _at_noise(v: Findings) -> str:
-    """The noise that detection limits rest on, as the beginning of a sentence."""
+    """The noise that detection limits rest on, as the beginning of a sentence.
+
+    It has the errors of stays and places in it; what is stated, and scaled, is the readings' own part.
+    """
     if v.noise_percent is None:
         return ""
     origin = "estimated from the scatter"
@@ -234,4 +237,4 @@ def _at_noise(v: Findings) -> str:
         factor = v.variance_scale**0.5
         low, high = _AS_STATED
         origin = "as stated" if low < factor < high else f"{factor:.2g} times the stated one"
-    return f"at a noise of {v.noise_percent:.2g} % of a bright reading ({origin}), "
+    return f"at a noise of {v.noise_percent:.2g} % of a bright reading (its own part {origin}), "

@@ -88,9 +88,15 @@ def test_none_says_what_would_have_been_seen_at_which_noise() -> None:
     (told,) = [line for line in as_text(verdict).splitlines() if line.startswith("fitted: ")]
     assert f"water.absorption_per_m = {fitted.value:.4g} +- {fitted.stderr:.2g}" in told
     assert "gain" not in told
-    assert "At a noise of 1.1 % of a bright reading (as stated), background above" in sentence
+    assert "At a noise of 1.1 % of a bright reading (its own part as stated), background above" in sentence
     tilt = verdict_on(unstated(table), scene, only=["beam_tilt"]).sentence
-    assert "(estimated from the scatter), beam tilt above" in tilt
+    assert "(its own part estimated from the scatter), beam tilt above" in tilt
+    # A table that states 0.2 % of each reading and 1 % of each stay states no 1 % of each reading.
+    quiet, scene = readings(seed=1, noise=0.002)
+    stays = replace(quiet, budget=replace(quiet.budget, plane_gain_percent=1.0, position_mm=0.0))
+    of_stays = verdict_on(stays, scene)
+    assert of_stays.noise_percent is not None and of_stays.noise_percent > 0.9
+    assert f"{of_stays.noise_percent:.2g} % of a bright reading (its own part " in of_stays.sentence
     nothing = verdict_on(table, scene, only=["beam_ellipticity"]).sentence
     assert "these readings say nothing of any" in nothing
 
