@@ -32,6 +32,7 @@ from lightfield.studies.attenuation.excess import grey
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark
 from lightfield.studies.link.arrival import Colours, along_axis
 from lightfield.studies.link.receiver import SEEN_SNR, Receiver
+from lightfield.studies.regime import AIMED
 from lightfield.studies.working_range.reaches import Reach, docking_reach
 
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
@@ -117,7 +118,8 @@ def link(
     ----------
     scene : Scene
         Lamp, of whose power that part counts which is read in the first band, phase function, receiver; a
-        tank is left out. Its own water is the first to be asked, grey ones in the same light.
+        tank is left out, and where the lamp stands and points in it. Its own water is the first to be asked,
+        grey ones in the same light.
     receiver : Receiver, optional
     waters : mapping of (a, b), optional, 1/m
         To compare with; default `WATERS`.
@@ -180,8 +182,11 @@ def docking_to_m(from_m: float, to_m: float) -> float:
 
 
 def _water(scene: Scene, name: str, a: float, b: float) -> Scene:
-    """The scene in uniform, unbounded water of these coefficients; its own keeps its colours."""
-    unbounded = scene.model_copy(update={"tank": None})
+    """The scene in uniform, unbounded water of these coefficients; its own keeps its colours.
+
+    The lamp looks along the axis that is asked about, as the receiver does: docking is.
+    """
+    unbounded = scene.model_copy(update={"tank": None, "lamp": scene.lamp.model_copy(update=AIMED)})
     if name == "scene":
         return without(unbounded, Acts.LAYERS | Acts.HARDENING)
     return grey(unbounded, a, b)

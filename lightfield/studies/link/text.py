@@ -40,8 +40,8 @@ HEAD = (
 )
 #: What is asked of each column.
 ASKED = (
-    "Open water: walls and surface of a tank are left out. Docking: where an array of receivers on the axis "
-    f"knows its pose to {DOCKING_ASKS} (Cramer-Rao bound of one reading; gain "
+    "Open water, on the beam's axis: walls and surface of a tank are left out. Docking: where an array of "
+    f"receivers on the axis knows its pose to {DOCKING_ASKS} (Cramer-Rao bound of one reading; gain "
     "and water known as the scene says, or to 5 % and 20 %; "
     f"as in `range`). Seen: a signal {SEEN_SNR:g} times the noise in {SEEN_HZ:g} Hz, no pose. Echoes: "
     "scattered light that comes late into the next bits."

@@ -54,6 +54,15 @@ def murky() -> Link:
     return link(scene(), waters={}, max_photons=8e5, rel_error=1e-3)
 
 
+def test_where_a_lamp_points_in_its_tank_is_of_no_account_in_open_water(clear) -> None:
+    """Beside a beam of 3.8 degrees that is tilted by 6 a receiver straight ahead had a sixth of the light."""
+    tilted = scene(0.2, 0.0, tilt_x_deg=6.0, tilt_y_deg=-2.0, offset_x_m=0.3)
+    found = link(tilted, waters={"c = 0.1": (0.1, 0.0)})
+    for name in ("scene", "c = 0.1"):
+        assert found.reaches[name].data_m == pytest.approx(clear.reaches[name].data_m, rel=1e-6)
+        assert found.reaches[name].seen_m == pytest.approx(clear.reaches[name].seen_m, rel=1e-6)
+
+
 def test_an_error_rate_of_1e_6_is_a_Q_of_4_75() -> None:
     assert Receiver().needed_q == pytest.approx(4.753, abs=1e-3)
 
