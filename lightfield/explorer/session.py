@@ -317,7 +317,7 @@ class Session:
         """
         readings = dropped(files, units, self.scene)
         self._settle()
-        self._become(self._anew(readings=readings, verdict=None, report=None))
+        self._become(self._anew(readings=readings, verdict=None, report=None, comparison=None))
 
     def parameters(self) -> dict[str, FitParameter]:
         """What may be set now, by path."""
@@ -359,6 +359,7 @@ class Session:
             "plane": self.plane,
             "channel": self.channel,
             "verdict": self.verdict,
+            "compared": self.comparison is not None,
         }
 
     def survey_next(self) -> bool:

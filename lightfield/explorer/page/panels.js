@@ -69,6 +69,7 @@ LF.showState = (state) => {
   LF.$("undo").disabled = !state.can_undo;
   LF.$("redo").disabled = !state.can_redo;
   LF.$("save-report").hidden = !state.verdict;
+  LF.$("save-comparison").hidden = !state.compared;
   if (held) {
     const again = document.querySelector(`[data-hold="${CSS.escape(held)}"]`);
     if (again && document.activeElement !== again) again.focus({ preventScroll: true });

@@ -15,7 +15,13 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.errors import FitError, LightfieldError, RenderError, UsageError
 from lightfield.explorer import protocol
 from lightfield.explorer.beside import EndedError
-from lightfield.explorer.documents import open_session, residuals_csv, scene_toml, session_json
+from lightfield.explorer.documents import (
+    comparison_html,
+    open_session,
+    residuals_csv,
+    scene_toml,
+    session_json,
+)
 from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.experiment import explored
 from lightfield.explorer.fits import Fits
@@ -215,11 +221,14 @@ def test_other_readings_are_dropped_in_and_bad_ones_change_nothing(session: Sess
     other, _ = analytic_readings.readings(seed=9)
     ask(session, "switch", effect=BACKGROUND, on=True)
     before = session.now
+    session.comparison = "<html>of the readings before</html>"
     with pytest.raises(LightfieldError, match="line 3"):
         session.drop([dropped_file("bad.csv", "z_m,value\n4.5,1\n5.5,bright\n")])
     assert session.now == before and session.readings is not other
+    assert session.state_data()["compared"] and comparison_html(session) is not None
     session.drop([dropped_file("good.csv", dumps(other))])
     assert session.now.effects == () and np.allclose(session.experiment.problem.value, other.value)
+    assert not session.state_data()["compared"] and comparison_html(session) is None
 
 
 def test_without_readings_the_scene_itself_is_the_target() -> None:
