@@ -26,6 +26,8 @@ from lightfield.version import __version__
 #: A session: scene, readings and states.
 SESSION = FileKind("session", 60 * MEGABYTE, UsageError)
 FORMAT = "lightfield session 1"
+#: Letters that say what led to a state, at most: a session that is saved can be opened.
+_MOST_WORDS = 500
 #: Digits of residuals: more than any instrument has.
 _DIGITS = ".9g"
 
@@ -71,7 +73,7 @@ class _State(BaseModel):
     model_config = ConfigDict(extra="forbid")
     effects: Annotated[list[Annotated[str, Field(max_length=120)]], Field(max_length=40)]
     values: Annotated[dict[str, Annotated[float, Field(allow_inf_nan=False)]], Field(max_length=400)]
-    did: Annotated[str, Field(max_length=500)]
+    did: Annotated[str, Field(max_length=_MOST_WORDS)]
 
 
 class _Session(BaseModel):
@@ -91,7 +93,8 @@ def session_json(session: Session) -> str:
     history = session.history
 
     def plain(state: State) -> dict[str, object]:
-        return {"effects": list(state.effects), "values": dict(state.values), "did": state.did}
+        did = state.did[:_MOST_WORDS]  # what moved many values at once names them all
+        return {"effects": list(state.effects), "values": dict(state.values), "did": did}
 
     return json.dumps(
         {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import analytic_readings
@@ -229,6 +230,17 @@ def test_other_readings_are_dropped_in_and_bad_ones_change_nothing(session: Sess
     session.drop([dropped_file("good.csv", dumps(other))])
     assert session.now.effects == () and np.allclose(session.experiment.problem.value, other.value)
     assert not session.state_data()["compared"] and comparison_html(session) is None
+
+
+def test_a_session_whose_values_were_all_moved_at_once_can_be_opened(
+    session: Session, tmp_path: Path
+) -> None:
+    """What is said of such a state would be longer than a session may say."""
+    session.history.add(replace(session.now, did=", ".join(["water.absorption_per_m"] * 40) + " by hand"))
+    file = tmp_path / "session.json"
+    file.write_text(session_json(session), encoding="utf-8")
+    _, history = open_session(file, None)
+    assert history.now.values == session.now.values and history.now.did.startswith("water.absorption_per_m, ")
 
 
 def test_without_readings_the_scene_itself_is_the_target() -> None:
