@@ -22,6 +22,8 @@ _AT = re.compile(r"(?P<name>.*?)[\s_(\[]*(?P<nm>\d{3,4}(?:[.,]\d+)?)\s*(?:nm)?[)
 _UNIT = re.compile(
     r"[\[(].*[\])]|nm|s|ms|m|cm|counts?|ts|rn|volts?|deg ?c|%|.*mol.*|[um\u00b5\u03bc]?w.*|", re.IGNORECASE
 )
+#: What may be thousands, and what is less than one.
+_GROUPED, _HUNDREDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}"), re.compile(r"[+-]?[1-9]\d{0,2}")
 _NM = re.compile(r"(\d+(?:[.,]\d+)?)\s*nm", re.IGNORECASE)
 #: A row may begin with a word (the name of a place) if more numbers than this follow.
 _NAMELESS = 3
@@ -179,10 +181,28 @@ def _table(
             )
     names, units, above = _names(rows, first, width)
     mark = mark_in((cell for _, cells in body for cell in cells if _is_number(cell)), problems)
+    if mark == ",":
+        _refuse_thousands([cells for _, cells in body], problems)
     return NumberBlock(
         tuple(lines[:above]), names, units, tuple(k for k, _ in body), [cells for _, cells in body], mark,
         separator,
     )  # fmt: skip
+
+
+def _refuse_thousands(rows: Sequence[Sequence[str]], problems: Problems) -> None:
+    """Where every comma may part thousands, and hundreds beside them have none, it does not part decimals."""
+    with_comma = [cell for cells in rows for cell in cells if "," in cell and _is_number(cell)]
+    if not all(map(_GROUPED.fullmatch, with_comma)):
+        return
+    for column in zip(*rows, strict=True):
+        grouped = next((cell for cell in column if _GROUPED.fullmatch(cell)), None)
+        small = next((cell for cell in column if _HUNDREDS.fullmatch(cell)), None)
+        if grouped and small:
+            problems.add(
+                "a comma may be a decimal or a thousands mark", found=f"{grouped} beside {small}",
+                remedy="export it again without thousands marks, or with a decimal point",
+            )  # fmt: skip
+            return
 
 
 def mark_in(cells: Iterable[str], problems: Problems) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from campaign import problems, run
 from instrument_files import written
 
+from lightfield.errors import MeasurementError
 from lightfield.readings.instruments import document
 from lightfield.readings.instruments.formats import read_spectra
 from lightfield.readings.instruments.number_block import find_table
@@ -40,3 +43,16 @@ def test_the_columns_of_a_file_are_sought_once(tmp_path, monkeypatch):
     monkeypatch.setattr(document, "find_table", lambda *given: sought.append(1) or find_table(*given))
     read_spectra(written(tmp_path, GERMAN))
     assert sought == [1]
+
+
+def test_a_comma_that_may_part_thousands_is_no_decimal_mark(tmp_path: Path) -> None:
+    """856, 1,234 and 950 counts: as decimals they would be a thousandfold apart. Three decimals beside each
+    other, or one cell that can only be decimal, are decimals."""
+    file = tmp_path / "counts.txt"
+    file.write_text("Wavelength (nm)\tCounts\n450\t856\n455\t1,234\n460\t950\n465\t2,100\n")
+    with pytest.raises(MeasurementError, match=r"decimal or a thousands mark.*'1,234 beside 856'"):
+        read_spectra(file)
+    file.write_text("Wavelength (nm)\tCounts\n450\t856\n455\t1,234\n460\t950\n465\t0,5\n")
+    assert read_spectra(file)[0].columns["value"].tolist() == [856.0, 1.234, 950.0, 0.5]
+    file.write_text("Wavelength (nm)\tCounts\n450\t1,856\n455\t1,234\n460\t2,950\n465\t3,500\n")
+    assert read_spectra(file)[0].columns["value"].tolist() == [1.856, 1.234, 2.95, 3.5]
