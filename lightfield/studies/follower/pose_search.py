@@ -117,6 +117,11 @@ def find_minima(
             if frees_gain:
                 slopes[fresh, :-1, -1], slopes[fresh, -1, -1] = read[fresh] * weight[fresh], prior
         j = slopes[going]
+        if box is not None:
+            # At an end that it is drawn beyond, a coordinate is held: all else is best given that.
+            drawn, at_now = np.einsum("sni,sn->si", j, r[going])[:, : len(at)], poses[going][:, at]
+            out = (at_now <= box[0][at]) & (drawn < 0) | (at_now >= box[1][at]) & (drawn > 0)
+            j[:, :, : len(at)] *= ~out[:, None, :]
         curvature = np.swapaxes(j, 1, 2) @ j
         diagonal = np.maximum(np.einsum("sii->si", curvature), TINY)
         damped = curvature + np.einsum("s,si,ij->sij", damping[going], diagonal, np.eye(diagonal.shape[1]))
