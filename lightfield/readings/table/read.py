@@ -132,6 +132,7 @@ def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any
     try:
         found = toml.loads("\n".join(line for _, line in head))
     except ValueError as error:
+        # Parsers say the line in words alone; a field for it is of Python 3.14.
         at = re.search(r"at line (\d+)", str(error))
         row = min(int(at[1]), len(head)) - 1 if at else len(head) - 1
         problems.add(
