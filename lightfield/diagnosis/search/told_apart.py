@@ -102,7 +102,7 @@ def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:
     """Detection limit of every effect that is not in the fit, from its projected template.
 
     The size at which its own test alone falls below the level that the worst of all tests must reach, with
-    a probability of 95 %.
+    a probability of 95 %: a t whose scale is estimated, off from nought by the size in its errors.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:
         if score.testable and score.template.candidate.name not in out:
             parameter = score.template.candidate.amplitudes[0]
             level = adequacy.critical_p / (1 if score.template.candidate.one_sided else 2)
-            sigmas = -special.stdtrit(adequacy.nu, level) - special.ndtri(MISSED)
+            sigmas = special.nctdtrinc(adequacy.nu, MISSED, -special.stdtrit(adequacy.nu, level))
             size = float(sigmas) * np.sqrt(scale) / score.length
             room = max(parameter.high - parameter.start, parameter.start - parameter.low)
             at = min(size, room)
