@@ -324,6 +324,10 @@ def bias_study(
         rule="the bias is asked for over water.scattering_per_m, the only scattering",
     )  # fmt: skip
     space = Space.of_scene(scene) if space is None else space
+    z = np.linspace(space.near_m, space.far_m, 3)
+    poses = poses_on_axis(scene.lamp, z)
+    wide = replace(space, half_width_m=max(space.half_width_m, float(np.abs(poses[:, :2]).max())))
+    refuse_walls(scene, wide, elements)
     if not space.far_m > space.near_m:
         raise UsageError(
             "one distance does not tell what K a follower fits", where="the formation space",
@@ -338,10 +342,6 @@ def bias_study(
         remedy="nearer detector.planes_m, or clearer water",
     )  # fmt: skip
     widest = scene.with_values({"water.scattering_per_m": 0.5 * most} if photons else {})
-    z = np.linspace(space.near_m, space.far_m, 3)
-    poses = poses_on_axis(scene.lamp, z)
-    wide = replace(space, half_width_m=max(space.half_width_m, float(np.abs(poses[:, :2]).max())))
-    refuse_walls(scene, wide, elements)
     light = light_of(widest, wide, elements, photons=photons, seed=seed)
     names, noise = pose_names(scene), SensorNoise.of_scene(scene)
     waters = [
