@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     readings = read_table(args.what, scene)
     names = names_in(args.with_effects or "")
     if args.fit_json:
-        inputs = [file for file in (args.what, args.scene, args.effects_file) if file]
+        inputs = [file for file in (args.what, args.scene, args.effects_file, *scene.tables) if file]
         output_file(args.fit_json, *inputs)
     with locked_folder(args.output) if args.output else nullcontext():
         return _fit(readings, scene, names, options, args)

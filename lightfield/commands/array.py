@@ -59,7 +59,9 @@ def _common(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Answer, print, write."""
     scene = Scene.load(args.scene)
-    outputs_of(args, args.scene, *getattr(args, "others", ()), also=getattr(args, "table", None))
+    others = getattr(args, "others", ())
+    read = [table for one in (scene, *map(Scene.load, others)) for table in one.tables]
+    outputs_of(args, args.scene, *others, *read, also=getattr(args, "table", None))
     tasks = {"show": _show, "compare": _compare, "optimise": _optimise}
     return tasks[args.task_name](scene, args)
 

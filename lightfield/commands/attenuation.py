@@ -43,7 +43,8 @@ def run(args: argparse.Namespace) -> int:
             rule="one scene for each table, in the same order, or one for all",
         )  # fmt: skip
     tables = [read_table(path) for path in args.readings]
-    outputs_of(args, *args.readings, *args.scene, also=args.output)
+    read = [table for scene in scenes for table in scene.tables]
+    outputs_of(args, *args.readings, *args.scene, *read, also=args.output)
     from lightfield.api.attenuation import attenuation
 
     in_air = True if args.air else False if args.no_air else None

@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     between = numbers(args.between, ":", "--between")
     if len(between) != 2:
         raise UsageError("not a range", where="--between", found=args.between, rule="LOW:HIGH in nm")
-    outputs_of(args, args.scene, args.response)
+    outputs_of(args, args.scene, args.response, *scene.tables)
     from lightfield.api.band import band
 
     low, high = between

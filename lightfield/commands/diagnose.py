@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     names = None if args.effects is None else effects_asked(args)
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.data, scene)
-    outputs_of(args, args.data, args.scene, args.effects_file)
+    outputs_of(args, args.data, args.scene, args.effects_file, *scene.tables)
     with locked_folder(args.output) if args.output else nullcontext():
         return _diagnose(readings, scene, names, args)
 

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Trace and write."""
     scene = Scene.load(args.scene)
-    output_file(args.output, args.scene)
+    output_file(args.output, args.scene, *scene.tables)
     photons = photons_of(args)
     from lightfield.maps.dataset import write_netcdf
     from lightfield.robots.field_file import Asked, field_dataset

@@ -58,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
     if args.duration is not None:
         every = [one.with_values({"follower.mission.duration_s": args.duration}) for one in every]
     scenes = by_name((str(path), one.name or path.stem, one) for path, one in zip(paths, every, strict=True))
-    outputs_of(args, args.scene, *args.others, also=args.track)
+    read = [table for one in every for table in one.tables]
+    outputs_of(args, *paths, *read, also=args.track)
     if not 1 <= args.runs <= MOST_RUNS:
         raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")
     if args.vary or args.output:

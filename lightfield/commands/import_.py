@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
 from lightfield.api.given import import_
 from lightfield.commands.shared.options import add_option, given
@@ -72,8 +73,10 @@ def run(args: argparse.Namespace) -> int:
         band=[_band(text) for text in args.band],
         **given(args, *STATED),
     )
+    named = readings.metadata["instrument"]["files"]
+    output_file(args.output, args.index, *(Path(args.index).parent / file for file in named))
     write_table(readings, args.output)
-    files = len(readings.metadata["instrument"]["files"])
+    files = len(named)
     formats = ", ".join(readings.metadata["instrument"]["formats"])
     what = f"{files} rows" if formats == places.NAME else f"{files} file{'s' * (files > 1)}"
     print(f"{what} ({formats}) -> {len(readings)} readings of {readings.quantity} in {readings.units}")

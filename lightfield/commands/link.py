@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     """Study, print, write."""
     scene = Scene.load(args.scene)
     waters = _waters(args.water) or None
-    outputs_of(args, args.scene)
+    outputs_of(args, args.scene, *scene.tables)
     from lightfield.api.link import link
 
     options = given(args, *TRACING, *(name for name, *_ in RECEIVER))

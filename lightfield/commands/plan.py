@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
 
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     layout = read_table(args.layout, scene, LAYOUT)
-    outputs_of(args, args.layout, args.scene, args.effects_file)
+    outputs_of(args, args.layout, args.scene, args.effects_file, *scene.tables)
     if args.effects is None and (args.size or args.report):
         asked = [name for name in ("size", "report") if getattr(args, name)]
         where = " and ".join(f"--{name}" for name in asked)

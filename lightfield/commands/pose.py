@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
 def _estimate(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.api.pose import estimate
 
-    outputs_of(args, args.scene, args.readings)
+    outputs_of(args, args.scene, args.readings, *scene.tables)
     with progress_of("pose"):
         answer = estimate(args.readings, scene, filter=args.filter, **space_asked(args))
     return answered(args, answer)
@@ -50,7 +50,7 @@ def _estimate(scene: Scene, args: argparse.Namespace) -> int:
 def _bias(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.api.pose import bias
 
-    outputs_of(args, args.scene)
+    outputs_of(args, args.scene, *scene.tables)
     waters = None if args.scattering is None else _waters(args.scattering)
     if args.medium == "air" and any(waters or ()):
         raise UsageError("air does not scatter", where="--scattering", found=args.scattering, rule="water")

@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
             "impossible array", where="--array", found=args.array, rule=f"2 to {MOST_ON_A_SIDE} on a side"
         )
     readings = read_table(args.readings, scene) if args.readings else None
-    outputs_of(args, args.scene, args.readings)
+    outputs_of(args, args.scene, args.readings, *scene.tables)
     from lightfield.api.working_range import range as working_range
 
     options = given(args, "share", "noise", "snr", "to", "array", "array_side", "array_radius", "max_photons")

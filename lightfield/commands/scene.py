@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
         dump = getattr(value, "model_dump", None)
         print(json.dumps(dump(mode="json") if dump else value) if not isinstance(value, str) else value)
     elif args.to_xml:
-        output_file(args.to_xml, args.file)
+        output_file(args.to_xml, args.file, *scene.tables)
         from lightfield.render.xml import write_xml
 
         write_xml(scene, args.to_xml)

@@ -81,3 +81,13 @@ def test_missing_index_and_missing_output(index):
     assert done.returncode == 2 and "-o READINGS.csv" in done.stderr
     done = in_process("import", index, *asked, "-o", index / "r.csv")
     assert done.returncode == 2 and "cannot write here" in done.stderr
+
+
+def test_no_spectrum_that_the_index_names_is_written_over(index):
+    raw = (index.parent / "b.txt").read_bytes()
+    done = lightfield(
+        "import", index, "--quantity", "irradiance", "--units", "counts", "--band", "500:550",
+        "-o", index.parent / "b.txt",
+    )  # fmt: skip
+    assert done.returncode == 2 and "in use by the same command" in done.stderr
+    assert (index.parent / "b.txt").read_bytes() == raw
