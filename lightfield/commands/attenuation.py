@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.commands.shared.answer import outputs_of, show_answer, show_page
+from lightfield.commands.shared.answer import answered, outputs_of
 from lightfield.commands.shared.options import add_answer, add_option
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
@@ -50,10 +50,11 @@ def run(args: argparse.Namespace) -> int:
     in_air = True if args.air else False if args.no_air else None
     with progress_of("attenuation"):
         answer = attenuation(tables, scenes, air=in_air, trace=not args.no_trace)
-    show_answer(args, answer)
     if args.output:
         from lightfield.maps.dataset import write_netcdf
 
-        print(write_netcdf(answer.to_xarray(), args.output))
-    show_page(args, answer)
-    return 0
+        write_netcdf(answer.to_xarray(), args.output)
+    code = answered(args, answer)
+    if args.output:
+        print(args.output)
+    return code

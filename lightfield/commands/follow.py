@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from lightfield.api.given import by_name, names_in
-from lightfield.commands.shared.answer import outputs_of, show_answer, show_page, write_json
+from lightfield.commands.shared.answer import answered, outputs_of, write_json
 from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_answer, add_option
 from lightfield.commands.shared.progress import progress_of
@@ -70,13 +70,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))
     with progress_of("follow"):
         found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
-    answer = Following(found)
-    show_answer(args, answer)
     if args.track:
         with atomic_path(args.track) as temporary:
             found.cases[0].dataset().to_netcdf(temporary, engine="netcdf4")
-    show_page(args, answer)
-    return 0
+    return answered(args, Following(found))
 
 
 def _sweep(scene: Scene, args: argparse.Namespace) -> int:

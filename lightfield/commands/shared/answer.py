@@ -23,23 +23,24 @@ def outputs_of(args: Namespace, *inputs: Path | None, also: Path | None = None) 
 
 
 def answered(args: Namespace, answer: Result[Any], warnings: Iterable[object] = ()) -> int:
-    """Print, and write to `--json` and `--report`; 0, as a command returns that has its answer."""
-    show_answer(args, answer, warnings)
-    show_page(args, answer)
+    """Write to `--json`, print, and write to `--report`; 0, as a command returns that has its answer.
+
+    Whoever reads the text may have heard enough (`| head`): the files are written all the same.
+    """
+    if args.json:
+        write_json(answer.as_data(), args.json)
+    try:
+        print(answer.as_text())
+        for warning in warnings:
+            print(f"warning: {warning}")
+    except BrokenPipeError:
+        _show_page(args, answer)
+        raise
+    _show_page(args, answer)
     return 0
 
 
-def show_answer(args: Namespace, answer: Result[Any], warnings: Iterable[object] = ()) -> None:
-    """Print what it says to people, and write what it says to programs, for `--json`."""
-    print(answer.as_text())
-    for warning in warnings:
-        print(f"warning: {warning}")
-    if args.json:
-        write_json(answer.as_data(), args.json)
-
-
-def show_page(args: Namespace, answer: Result[Any]) -> None:
-    """Write its page, for `--report`, and print where that lies."""
+def _show_page(args: Namespace, answer: Result[Any]) -> None:
     if args.report:
         print(f"report: {answer.report(args.report).resolve()}")
 
