@@ -90,8 +90,9 @@ def _fit(
             readings, scene, with_=names, solver=args.solver, trace=not args.no_trace,
             cache=not args.no_cache, **options,
         )  # fmt: skip
-    print(fit.as_text())
     report = fit.details
+    if args.fit_json:
+        write_json(fit.as_data(), args.fit_json)
     if args.output:
         command = f"compare {args.what.name} --scene {args.scene.name}"
         if names:
@@ -100,8 +101,8 @@ def _fit(
             command += f" --solver {args.solver}"
         if args.no_trace:
             command += " --no-trace"
-        print(f"stored: {report.save(args.output, command)}")
-        print(_page(report, args))
-    if args.fit_json:
-        write_json(fit.as_data(), args.fit_json)
+        stored, page = report.save(args.output, command), _page(report, args)
+    print(fit.as_text())
+    if args.output:
+        print(f"stored: {stored}\n{page}")
     return 0

@@ -107,14 +107,14 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     if args.output:
         command = f"diagnose {args.data.name} --scene {args.scene.name}"
         found = found.save(args.output, command, args.effects_file)
+    if args.json:
+        with atomic_path(args.json) as temporary:
+            temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
     print(found.as_text())
     if found.older:
         print(f"of earlier runs, not touched: {', '.join(found.older)}")
     if args.output and found.verdict.verdict == "unexplained":
         print(f"hypotheses to begin with, for --effects-file: {args.output / HYPOTHESES}")
-    if args.json:
-        with atomic_path(args.json) as temporary:
-            temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
     if args.report:
         from lightfield.api.diagnosis import Diagnosis
 

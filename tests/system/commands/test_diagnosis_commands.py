@@ -231,3 +231,28 @@ def test_compare_repeats_the_warnings_of_the_table(folder: Path, capsys) -> None
     assert cli.main(["compare", str(table), "--scene", f"{folder}/scene.toml"]) in (0, 2)
     out = capsys.readouterr()
     assert "x_mm" in out.out + out.err
+
+
+@pytest.mark.parametrize(
+    ("command", "file"),
+    [
+        ("diagnose {f}/set/data.csv --scene {f}/scene.toml --no-trace --effects beam_tilt --json", "v.json"),
+        (
+            "compare {f}/set/data.csv --scene {f}/scene.toml --no-trace --with beam_tilt --fit-json",
+            "fit.json",
+        ),
+    ],
+)
+def test_what_is_for_programs_is_written_before_people_read(
+    folder: Path, tmp_path: Path, monkeypatch, command: str, file: str
+) -> None:
+    """`... | head -1` ends the text: what a long search found was lost with it."""
+
+    def unread(*_: object, **__: object) -> None:
+        raise BrokenPipeError
+
+    for module in ("diagnose", "_compare_readings"):
+        monkeypatch.setattr(f"lightfield.commands.{module}.print", unread, raising=False)
+    monkeypatch.setattr("lightfield.cli._code_of", lambda error: 0)
+    assert cli.main([*command.format(f=folder).split(), str(tmp_path / file)]) == 0
+    assert json.loads((tmp_path / file).read_text(encoding="utf-8"))
