@@ -11,7 +11,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.robust import outliers, rich_basis, scattered
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
-from lightfield.diagnosis.problem.noise import Budget, Noise
+from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Budget, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.quoted import smooth_stderr
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -22,6 +22,8 @@ _OUTLIER_ROUNDS = 3
 #: What lies within so many standard errors of a fit that was made without it is no outlier. Chosen: of 175
 #: readings one lies farther by chance in four tables of ten.
 _MET = 3.0
+#: Stays of fewer readings than this, in the mean, have gains that are next to these readings' own errors.
+_IN_A_STAY = 4
 
 
 class Kept(NamedTuple):
@@ -30,16 +32,36 @@ class Kept(NamedTuple):
     problem: Problem
     whiten: Whitener
     fit: Fit
+    budget: Budget
     basis: Array | None = None
 
     @property
     def rich(self) -> Array:
-        return rich_of(self.problem, self.whiten, self.fit) if self.basis is None else self.basis
+        if self.basis is None:
+            return beside_stays(self.problem, self.whiten, self.fit, self.budget)
+        return self.basis
 
 
 def rich_of(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
     unknowns = whitened_unknowns(problem, whiten, with_scans=False)
     return rich_basis(fit, bank(problem, fit, whiten), unknowns, with_time)
+
+
+def beside_stays(
+    problem: Problem, whiten: Whitener, fit: Fit, budget: Budget, with_time: bool = True
+) -> Array:
+    """The basis of the rich model and of the gains that stays are stated to have, shape (n, k): beside it the
+    readings' own errors are judged."""
+    rich, layout = rich_of(problem, whiten, fit, with_time), problem.layout
+    if not budget.gain_stated or layout.size > WHITENED_WHOLE:
+        return rich
+    noise = replace(whiten.noise, layout=layout, prediction=fit.prediction, budget=budget)
+    stay, gain = noise.stays
+    labels, count = np.unique(stay[stay >= 0], return_counts=True)
+    labels = labels[count > 1]
+    if not len(labels) or len(labels) * _IN_A_STAY > layout.size:
+        return rich
+    return orthonormal(np.hstack([rich, whiten((problem.keep * gain)[:, None] * (stay[:, None] == labels))]))
 
 
 def plain_of(problem: Problem, quoted: Array, prediction: Array, more: Array | float = 0.0) -> Whitener:
@@ -64,7 +86,7 @@ def without_outliers(
     fit = problem.fit(explanation, whiten, [fit.u])
     basis = None
     for _ in range(_OUTLIER_ROUNDS):
-        basis = rich_of(problem, whiten, fit) if by_effects else orthonormal(fit.jacobian)
+        basis = beside_stays(problem, whiten, fit, budget) if by_effects else orthonormal(fit.jacobian)
         bad = outliers(fit.residual, basis, problem.keep)
         if not bad.any():
             break
@@ -82,7 +104,7 @@ def without_outliers(
     if met.any():
         problem, basis = replace(problem, keep=np.where(met, usable, problem.keep)), None
         fit = problem.fit(explanation, whiten, [fit.u])
-    return Kept(problem, whiten, fit, basis if by_effects else None)
+    return Kept(problem, whiten, fit, budget, basis if by_effects else None)
 
 
 def beside_base(problem: Problem, quoted: Array, by_effects: bool, budget: Budget) -> Kept:

@@ -33,7 +33,13 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.quoted import errors_stated, own_part
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.description import describe
-from lightfield.diagnosis.search.kept_readings import Kept, beside_base, rich_of, without_outliers
+from lightfield.diagnosis.search.kept_readings import (
+    Kept,
+    beside_base,
+    beside_stays,
+    rich_of,
+    without_outliers,
+)
 from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.fitting.least_squares import Fit
@@ -249,7 +255,7 @@ def _errors_about(
     excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
     sigma = own_part(sigma, layout.common * np.clip(reference.prediction, 0, None))
     plain = Noise(layout, sigma, reference.prediction, budget, slope)
-    still = rich_of(problem, whiten, reference, with_time=False)
+    still = beside_stays(problem, whiten, reference, budget, with_time=False)
     serial = Serial()
     if problem.keep.sum() - still.shape[1] > _SPARE_FOR_SERIAL:
         rows = np.column_stack([still, reference.residual])
