@@ -263,11 +263,15 @@ def test_plan_with_traced_light_promises_what_diagnose_can_see(found):
 
 
 def test_four_numbers_say_little_and_say_so():
-    """Three parameters leave one number: any effect that moves it explains it, unless rounding does."""
+    """Three parameters leave one number: any effect that moves it explains it.
+
+    Rounding does not: within 5 cm the radii are angles of 3.2 to 4.5 degrees at 4.5 m, and of 2.4 to 3.0 at
+    8.5 m; by a regression with the stated errors chi-square is 8.3 for one degree of freedom.
+    """
     table = ROOT / "scenes" / "unh_tow_tank"
     bare = diagnose(read_table(table / "measured.csv"), open_water(), diffuse=None).verdict
     assert bare.verdict == "ambiguous" and len(bare.explanations) >= 3
     assert any("too few readings to estimate the noise" in w for w in bare.warnings)
     rounded = read_table(table / "measured_with_rounding.csv")
     verdict = diagnose(rounded, open_water(), diffuse=None).verdict
-    assert verdict.verdict == "none" and any("too few" in w for w in verdict.warnings)
+    assert verdict.verdict == "ambiguous" and any("too few" in w for w in verdict.warnings)

@@ -15,7 +15,7 @@ from lightfield.readings.importing.importer import import_index
 )
 def test_what_has_to_be_imported_is_sent_there_in_one_line(tmp_path, content):
     (tmp_path / "a.csv").write_text(content)
-    with pytest.raises(MeasurementError, match="lightfield import") as caught:
+    with pytest.raises(MeasurementError, match="import it: make a reading table of it") as caught:
         read_table(tmp_path / "a.csv")
     assert len(str(caught.value).splitlines()) == 1
 

@@ -97,7 +97,7 @@ def test_the_page_says_how_to_go_on_where_something_is_missing(unlit: FitReport,
         report = replace(unlit, statistics=replace(unlit.statistics, adequacy_p=p))
         page = readings_page(report, ledger.entries(tmp_path), "again")
         assert "2 models of these readings so far" in page
-        assert ("lightfield diagnose" in page and "--with EFFECT" in page) == said
+        assert ("of the same readings and scene looks for what it is" in page) == said
 
 
 def test_a_fit_that_was_stopped_says_how_far_it_had_to_go() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis import plan
+from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.adequacy.templates import bank
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.experiments.layouts import scan
@@ -83,5 +84,7 @@ def test_a_surface_is_known_by_what_more_of_it_does_and_not_by_the_step_from_an_
     (template,) = bank(problem, fit, lambda columns: columns)
     expected = 2 * np.exp(fit.u[0]) * Haze(np.asarray(table.x_m)).halo
     assert template.columns[:, 0] == pytest.approx(expected, rel=1e-6)
-    _, elsewhere = plan._columns(problem, fit, {"surface_reflection": 0.5}, forward)
-    assert elsewhere["surface_reflection"].column == pytest.approx(expected, rel=1e-6)
+    test = AdequacyTest(problem, lambda columns: columns, {}, lambda: np.zeros((forward.size, 2)), True)
+    scores, _ = test.score(fit)
+    elsewhere = plan._effects(problem, fit, scores, {"surface_reflection": 0.5}, forward)
+    assert elsewhere["surface_reflection"].there[:, 0] == pytest.approx(expected, rel=1e-6)
