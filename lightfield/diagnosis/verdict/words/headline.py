@@ -89,7 +89,9 @@ def _of_kind(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRiv
 
 def _none(v: Findings) -> Said:
     among = f" among those asked for{_listed(v.asked)}" if v.asked else ""
-    return Said.of(f"No missing effect{among} detectable{_within(v)}.", f"{capital(_seen(v))}.")
+    aside = f"; smooth misfits up to {v.tolerance_percent:g} % count as none" if v.within_tolerance else ""
+    what = f"No missing effect{among} detectable{_on_trust(v)}{aside}."
+    return Said.of(what, f"{capital(_seen(v))}.")
 
 
 def _identified(v: Findings, one: AcceptedExplanation, rival: NearestRival | None) -> Said:
@@ -203,7 +205,11 @@ def _away(rival: NearestRival) -> str:
 def _within(v: Findings) -> str:
     """The tolerance that the statement needs, and the errors that it rests on."""
     within = f" within {v.tolerance_percent:g} %" if v.within_tolerance else ""
-    return f"{within} with the errors taken on trust" if v.errors_on_trust else within
+    return f"{within}{_on_trust(v)}"
+
+
+def _on_trust(v: Findings) -> str:
+    return " with the errors taken on trust" if v.errors_on_trust else ""
 
 
 def _listed(asked: Sequence[str]) -> str:

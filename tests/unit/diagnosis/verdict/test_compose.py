@@ -129,7 +129,7 @@ def test_nothing_is_missing(case: Case) -> None:
 def test_nothing_is_missing_within_the_tolerance(case: Case) -> None:
     tolerant = replace(case.level, tolerance=TOLERANCE)
     verdict = case.verdict(replace(case.finding(0), level=tolerant))
-    assert verdict.headline == "No missing effect detectable within 0.3 %."
+    assert verdict.headline == "No missing effect detectable; smooth misfits up to 0.3 % count as none."
     assert (verdict.within_tolerance, verdict.tolerance_percent) == (True, pytest.approx(0.3))
     assert "a significant misfit is smaller than the tolerance and was ignored" in verdict.warnings
 

@@ -116,9 +116,10 @@ RIVAL = NearestRival(effects=["acceptance"], separation_sigma=5.0)
          "Scattering or acceptance: these readings cannot tell within 1 %.",
          "Scattering or acceptance: these readings cannot tell within 1 %.", []),
         ("none", [], None,
-         "No missing effect detectable within 1 %. No effect of plausible size would have been seen: these "
+         "No missing effect detectable; smooth misfits up to 1 % count as none. "
+         "No effect of plausible size would have been seen: these "
          "readings say nothing of any.",
-         "No missing effect detectable within 1 %.",
+         "No missing effect detectable; smooth misfits up to 1 % count as none.",
          ["No effect of plausible size would have been seen: these readings say nothing of any."]),
     ],
 )  # fmt: skip
