@@ -89,5 +89,5 @@ def test_no_spectrum_that_the_index_names_is_written_over(index):
         "import", index, "--quantity", "irradiance", "--units", "counts", "--band", "500:550",
         "-o", index.parent / "b.txt",
     )  # fmt: skip
-    assert done.returncode == 2 and "in use by the same command" in done.stderr
+    assert done.returncode == 2 and "in use in the same run" in done.stderr
     assert (index.parent / "b.txt").read_bytes() == raw

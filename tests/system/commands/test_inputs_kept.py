@@ -50,5 +50,5 @@ def test_a_table_of_the_scene_is_kept(tmp_path: Path, monkeypatch, capsys, wrong
     for name, text in (files | {"readings.csv": readings}).items():
         Path(name).write_text(text, encoding="utf-8")
     assert cli.main(wrong.split()) == 2
-    assert "in use by the same command" in capsys.readouterr().err
+    assert "in use in the same run" in capsys.readouterr().err
     assert {name: Path(name).read_text(encoding="utf-8") for name in files} == files
