@@ -14,10 +14,10 @@ from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Reason
 from lightfield.readings import Readings
 
-#: Factors on the stated variance from which on they are spoken of, if their chance is less than the third.
+#: Factors on the stated variance from which on they are spoken of, if their chances are less than these.
 #: Chosen: test_diagnosis.py has one that is spoken of and one that is not; errors stated twice too large
-#: scatter about a quarter.
-_NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE = 1.5, 0.4, 1e-3
+#: scatter about a quarter, and less than half of what is stated is no danger to a finding.
+_NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE, _LITTLE_CHANCE = 1.5, 0.4, 1e-3, 1e-2
 
 
 def _about_the_best(finding: Finding) -> Adequacy:
@@ -43,7 +43,7 @@ def cautions(
     stated = prepared.errors_stated and not prepared.doubted  # of what was put in their place nobody is asked
     if stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))
-    elif stated and scale < _NOTED_SMALL and special.chdtr(nu, nu * scale) < _NO_CHANCE:
+    elif stated and scale < _NOTED_SMALL and special.chdtr(nu, nu * scale) < _LITTLE_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_LESS, values={"times": float(1 / np.sqrt(scale))}))
     if finding.levels[0].adequacy.scale_taken:
         on_trust = Warns.STATED_ON_TRUST if prepared.errors_stated else Warns.ASSUMED_ON_TRUST
