@@ -8,7 +8,7 @@ and one that is right but for a fraction of a per cent is not rejected for it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -109,6 +109,14 @@ class Finding:
     cheaper: Node | None = None
     base_errors: Mapping[str, float] = field(default_factory=dict)
     errors_of_set: Mapping[str, float] = field(default_factory=dict)
+
+    def with_closest(self, change: Callable[[Tried], Tried]) -> Finding:
+        """The same with another record of the best explanation, or of the best set of many effects."""
+        if self.accepted:
+            return replace(self, accepted=[change(self.accepted[0]), *self.accepted[1:]])
+        if self.beyond_two and self.tried:
+            return replace(self, tried=[change(self.tried[0]), *self.tried[1:]])
+        return self
 
     def without_answer(self, in_no_part: bool = True) -> Finding:
         """The same, where no answer can rest on the readings; nor what explains a part (`in_no_part`)."""

@@ -39,11 +39,7 @@ _HOLDS, _SINGULAR = 0.8413, 1e-6
 
 def with_truncation(finding: Finding) -> Finding:
     """The finding whose best set has errors that know what its curves leave out."""
-    if finding.accepted:
-        return replace(finding, accepted=[_widened(finding.accepted[0]), *finding.accepted[1:]])
-    if finding.beyond_two and finding.tried:
-        return replace(finding, tried=[_widened(finding.tried[0]), *finding.tried[1:]])
-    return finding
+    return finding.with_closest(_widened)
 
 
 def _widened(tried: Tried) -> Tried:

@@ -95,8 +95,8 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
             page_figure(
                 f"{key}-maps",
                 "Light on each plane, rendered and by the formula, and the error of the formula. Inside "
-                "the dashed line it is within 5 %, inside the solid line within 10 %. Looking at the lamp: "
-                "+x is right, +y up.",
+                "a dashed line it is within 5 %, inside a solid one within 10 %; a plane without lines is "
+                "on one side of both. Looking at the lamp: +x is right, +y up.",
                 "Maps of render, formula and relative error on each plane",
                 maps_figure,
                 planes,

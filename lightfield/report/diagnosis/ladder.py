@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from matplotlib.patheffects import withStroke
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA
@@ -45,7 +46,7 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
         for k in np.flatnonzero(shown):
             axis.annotate(
                 texts[k], (float(k), float(error[k])), (8, 5), textcoords="offset points", fontsize=10,
-                weight="bold",
+                weight="bold", path_effects=[withStroke(linewidth=3, foreground="white")],
             )  # fmt: skip
         for x, rung in zip(at, ladder, strict=True):
             if rung.rendered_error_percent is not None:

@@ -5,8 +5,6 @@ A range is chosen, and what it forbids one effect the sizes of the others take u
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.search.pool.beyond import at_ends, without_ends
 from lightfield.diagnosis.search.small_sets import Tried
@@ -14,14 +12,11 @@ from lightfield.diagnosis.search.small_sets import Tried
 
 def without_held_ranges(finding: Finding) -> Finding:
     """The finding whose best set has errors that know of it."""
-    if finding.accepted:
-        return replace(finding, accepted=[_reaching(finding.accepted[0]), *finding.accepted[1:]])
-    if finding.beyond_two and finding.tried:
-        return replace(finding, tried=[_reaching(finding.tried[0]), *finding.tried[1:]])
-    return finding
+    return finding.with_closest(reaching)
 
 
-def _reaching(tried: Tried) -> Tried:
+def reaching(tried: Tried) -> Tried:
+    """A set with errors that reach the values that it has without the ends of ranges it lies at."""
     ends = at_ends(tried.explanation, tried.fit)
     if tried.test is None or not ends:
         return tried

@@ -58,19 +58,19 @@ def test_errors_are_judged_about_what_explains_the_readings(seed: int, only: lis
 
 
 @pytest.mark.parametrize(("times", "said"), [(1.0, False), (2.0, True)])
-def test_errors_that_are_stated_twice_too_large_are_told(times: float, said: bool) -> None:
-    """By formulas of their own: a lamp that grows by a fifth in an hour, six planes of 17 readings."""
-    rng = np.random.default_rng(7)
-    planes, row = (2.5, 3.5, 4.5, 5.5, 6.5, 7.5), np.linspace(-0.8, 0.8, 17)
-    x, z = np.meshgrid(row, planes)
-    order = rng.permutation(102)
-    x, z, r = x.ravel()[order], z.ravel()[order], np.hypot(x, z).ravel()[order]
-    hour = np.arange(102) / 120
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_errors_that_are_stated_twice_too_large_are_told(seed: int, times: float, said: bool) -> None:
+    """By formulas of their own: a lamp that grows by a fifth in an hour, six planes of 9 readings."""
+    rng = np.random.default_rng(seed)
+    x, z = np.meshgrid(np.linspace(-0.8, 0.8, 9), (2.5, 3.5, 4.5, 5.5, 6.5, 7.5))
+    order = rng.permutation(54)
+    x, z = x.ravel()[order], z.ravel()[order]
+    r, hour = np.hypot(x, z), np.arange(54) / 120
     value = np.exp(-np.log(2) * (np.degrees(np.arctan2(x, z)) / 6) ** 2) * z / r**3 * np.exp(-0.12 * r)
     value *= (1 + 0.2 * hour) / value.max()
     sigma = np.hypot(0.005 * value, 5e-4)
     table = Readings.from_arrays(
-        x_m=x, y_m=0 * x, z_m=z, value=value + sigma * rng.standard_normal(102), stderr=times * sigma,
+        x_m=x, y_m=0 * x, z_m=z, value=value + sigma * rng.standard_normal(54), stderr=times * sigma,
         time_s=3600 * hour, plane_gain_percent=0.0, position_mm=0.0,
     )  # fmt: skip
     verdict = diagnose(table, Scene.from_dict(SCENE), diffuse=None, advise=False).verdict
