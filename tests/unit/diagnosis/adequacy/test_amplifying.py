@@ -8,7 +8,7 @@ import pytest
 from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.least_squares import least_squares
+from lightfield.fitting.least_squares import Fit, least_squares
 from lightfield.fitting.parameter import FitParameter, Model
 from lightfield.formula.path import least_attenuation_per_m
 from lightfield.readings import Readings
@@ -26,10 +26,25 @@ def axis_readings(value: np.ndarray, sigma: np.ndarray) -> Readings:
     )
 
 
-@pytest.mark.parametrize("gradient", [-0.03, -0.022])
+@pytest.mark.parametrize("gradient", [-0.0183, -0.0185])
 def test_cost_is_that_of_a_fit_with_water_that_attenuates_everywhere(gradient: float) -> None:
     """Of the logarithm of the axial decay, which is linear in all three numbers: of those sets of them that
     leave no attenuation at the far end the best is nearest, and amplifies nowhere."""
+    fit, exact = fit_with_gradient(gradient)
+    assert 2 < exact < 10
+    assert cost_of_amplifying(fit) == pytest.approx(exact, rel=0.01)
+
+
+@pytest.mark.parametrize("gradient", [-0.022, -0.03])
+def test_water_that_readings_insist_on_may_amplify(gradient: float) -> None:
+    """A straight line is no real water's: far beyond zero it costs no more than very strong evidence."""
+    fit, exact = fit_with_gradient(gradient)
+    assert exact > 20
+    assert cost_of_amplifying(fit) == 10
+
+
+def fit_with_gradient(gradient: float) -> tuple[Fit, float]:
+    """A fit to a noisy decay, and what chi-square grows by where the attenuation at its far end is zero."""
     rng = np.random.default_rng(2)
     sigma = 0.004
     depth = 0.1 * PLANES + gradient * (PLANES / 2 - CENTRE_M) * PLANES
@@ -41,7 +56,6 @@ def test_cost_is_that_of_a_fit_with_water_that_attenuates_everywhere(gradient: f
         return float(np.sum((rest / sigma) ** 2))
 
     at_far_end = np.stack([matrix[:, 0], matrix[:, 2] - (9.0 - CENTRE_M) * matrix[:, 1]], axis=1)
-    exact = missed(at_far_end) - missed(matrix)
     value = np.exp(log) / PLANES**2
     model = Model(
         SceneForward(SCENE, axis_readings(value, sigma * value)),
@@ -52,8 +66,7 @@ def test_cost_is_that_of_a_fit_with_water_that_attenuates_everywhere(gradient: f
         ),
     )
     fit = least_squares(model, value, lambda r: (r.T / (sigma * value)).T, model.start, np.ones(30))
-    assert exact > 20
-    assert cost_of_amplifying(fit) == pytest.approx(exact, rel=0.01)
+    return fit, missed(at_far_end) - missed(matrix)
 
 
 def test_water_that_attenuates_costs_nothing() -> None:
@@ -102,3 +115,24 @@ def test_background_and_saturation_are_no_water_that_gives_light_back() -> None:
         if gradient is not None:
             far = accepted.parameters["water.absorption_per_m"].value + gradient.value * (9.0 - CENTRE_M)
             assert far > 0 or accepted.weight < 0.01
+
+
+def test_a_gradient_that_goes_below_zero_at_the_far_end_is_a_gradient() -> None:
+    """By 0.03 per m at 9.5 m, on fifteen planes of a lamp whose power drifts: not gains of the planes."""
+    rng = np.random.default_rng(5)
+    z = np.repeat(np.linspace(3.5, 9.5, 15), 15)
+    x = np.tile(np.linspace(-0.7, 0.7, 15), 15)
+    order = rng.permutation(len(z))
+    x, z = x[order], z[order]
+    time_s = 30.0 * np.arange(len(z))
+    angle = np.degrees(np.arctan2(np.abs(x), z))
+    path = np.hypot(x, z)
+    attenuation = 0.08 - 0.018 * (z / 2 - CENTRE_M)
+    light = 2.0 ** -((angle / 5) ** 2) * np.exp(-attenuation * path) / path**2 * (z / path) ** 4
+    light *= 1 - 0.05 * time_s / 3600
+    sigma = np.hypot(0.008 * light, 0.001 * light.max())
+    value = light + sigma * rng.standard_normal(len(z))
+    readings = Readings.from_arrays(x_m=x, y_m=0 * x, z_m=z, value=value, stderr=sigma, time_s=time_s)
+    verdict = diagnose(readings, SCENE, diffuse=None, advise=False).verdict
+    assert "water_gradient" in verdict.best_set
+    assert "plane_gain" not in verdict.best_set
