@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
+from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
 from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.cascade import Finding, Level, with_base
+from lightfield.diagnosis.search.cascade import Finding, Level, level_for, with_base
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
 from lightfield.diagnosis.search.pool.any_number import Data, Ends, Many, ground_about, never, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Key, Node, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared
 from lightfield.diagnosis.search.search_progress import Progress
-from lightfield.diagnosis.search.small_sets import Tried, bic, weights
+from lightfield.diagnosis.search.small_sets import Tried, weights
 
 #: Accepted sets that are tested and told, and sets that came near them.
 _ACCEPTED, _NEAR = 8, 12
@@ -75,13 +75,15 @@ def _tried(pool: Pool, node: Node, bench: Bench) -> Tried:
 
 def _family(many: Many, alpha: float) -> list[Tried]:
     """Other sets that are accepted beside the best, best first."""
-    out = []
-    for node in Weighing.of(many.pool, many.best).family()[1 : _ACCEPTED + 1]:
-        tried = _tried(many.pool, node, many.bench)
-        tested = replace(tried, adequacy=many.bench.test(node.fit))
-        if tested.accepted(alpha):
-            out.append(tested)
-    return out
+    out: dict[Key, Tried] = {}
+
+    def passes(node: Node) -> bool:
+        tested = replace(_tried(many.pool, node, many.bench), adequacy=many.bench.test(node.fit))
+        out[node.key] = tested
+        return tested.accepted(alpha)
+
+    family = Weighing.of(many.pool, many.best).family(passes)
+    return [out[node.key] for node in family[1 : _ACCEPTED + 1]]
 
 
 def misses_by_far(tolerance: float) -> Ends:
@@ -166,30 +168,29 @@ def _never_tested() -> Array:
 
 
 def _beside(finding: Finding, pool: Pool, best: Node, test: AdequacyTest) -> Finding:
-    """The finding with sets of as many effects that fit as well, whatever the test says of the rest.
+    """The finding with other named sets that pass the test and cost little more; and with those of as many
+    effects that fit as well, whatever the test says of the rest.
 
     A test by the least of many probabilities may pass one of two sets that are alike, and fail the other by
     little: that parts nothing.
     """
-    known = {frozenset(t.names) for t in finding.accepted}
+    known = [frozenset(t.names) for t in finding.accepted]
+    weighing, alpha = Weighing.of(pool, best), level_for(finding.level)
     limit = best.fit.chi2 + _AS_GOOD * pool.ground.phi
-    more: dict[frozenset[str], Node] = {}
-    for node in pool.nodes.values():
-        names = frozenset(c.name for c in node.explanation)
-        alike = len(names) == len(best.explanation) and len(node.fit.u) <= len(best.fit.u)
-        if alike and names not in known and node.fit.chi2 <= limit and not _has_curve(node):
-            more[names] = min(node, more.get(names, node), key=lambda n: n.fit.chi2)
+    tested: dict[Key, Adequacy] = {}
+
+    def is_one(node: Node) -> bool:
+        if _has_curve(node) or any(names <= node.names for names in known):
+            return False
+        tested[node.key] = test(node.fit)
+        alike = len(node.names) == len(best.names) and len(node.fit.u) <= len(best.fit.u)
+        return tested[node.key].passes(alpha) or (alike and node.fit.chi2 <= limit)
+
+    more = weighing.family(is_one)[1 : _ACCEPTED + 1]
     if not more:
         return finding
-    first, scale = finding.accepted[0], pool.ground.phi
-
-    def cost(node: Node) -> float:
-        return bic(node.fit, node.explanation, scale, finding.n)
-
-    others = [
-        Tried(n.explanation, n.fit, first.bic + cost(n) - cost(best), test(n.fit), test)
-        for n in sorted(more.values(), key=cost)
-    ]
+    first = finding.accepted[0]
+    others = [Tried(n.explanation, n.fit, first.bic + weighing.above(n), tested[n.key], test) for n in more]
     accepted = [*finding.accepted, *others]  # what passes the test comes first
     return replace(finding, accepted=accepted, weights=with_base(accepted, finding.level, finding.n))
 

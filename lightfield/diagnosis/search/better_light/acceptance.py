@@ -54,7 +54,7 @@ def accepted_of(
 
     passing = sorted((t for t in now(finding.contenders) if t.accepted(alpha)), key=lambda t: t.bic)
     passing = [t for t in passing if not t.at_edge] or passing
-    if not finding.beyond_two:  # any number of effects have their price
+    if not (finding.accepted or finding.beyond_two):  # others were accepted at their price
         fewest = min((len(t.explanation) for t in passing), default=0)
         passing = [t for t in passing if len(t.explanation) == fewest]
     passing = _named_first(passing)

@@ -6,7 +6,7 @@ the gap to the best set without it does.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -137,13 +137,19 @@ class Weighing:
         """Those of some sets that have at most one effect more than the best."""
         return [n for n in nodes if len(n.explanation) <= len(self.best.explanation) + 1]
 
-    def family(self) -> list[Node]:
-        """Accepted sets, best first: near the best, and none with an effect more than another."""
+    def family(self, is_one: Callable[[Node], bool] = lambda node: True) -> list[Node]:
+        """Accepted sets, best first: near the best, and none with an effect more than another.
+
+        Parameters
+        ----------
+        is_one : callable
+            Is a set other than the best accepted? One that is not bars none with an effect more.
+        """
         out = [self.best]
         for node in sorted(self.pool.nodes.values(), key=self.above):
             if self.above(node) > FAMILY:
                 break
-            if not any(other.names <= node.names for other in out):
+            if not any(other.names <= node.names for other in out) and is_one(node):
                 out.append(node)
         return out
 

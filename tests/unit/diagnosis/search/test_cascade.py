@@ -17,6 +17,7 @@ from lightfield.diagnosis.search.cascade import CONVINCING, Finding, search
 from lightfield.diagnosis.search.many import levelled
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import GAP
+from lightfield.diagnosis.search.small_sets import Tried
 
 
 @pytest.fixture(autouse=True)
@@ -94,6 +95,15 @@ def test_a_set_of_more_effects_that_costs_hardly_more_leaves_the_answer_open() -
     assert known["both"].gap_named < GAP < known["rows"].gap_named
     assert known["both"].alternatives == (("dusk", "odd"),)
     assert not answer.identified
+    first, other = answer.accepted
+    assert other.names == ("dusk", "odd", "rows") and abs(other.bic - first.bic) < GAP
+    assert answer.weights == pytest.approx(odds_of(first, other), abs=0.01)
+
+
+def odds_of(*sets: Tried) -> list[float]:
+    """Weights of sets by what they cost."""
+    share = np.exp(-0.5 * np.array([one.bic for one in sets]) + 0.5 * sets[0].bic)
+    return list(share / share.sum())
 
 
 def test_a_curve_that_costs_less_leaves_the_answer_open() -> None:
