@@ -29,13 +29,18 @@ _MOVED = 0.01
 _MOST = 10.0
 
 
-def cost_of_amplifying(fit: Fit) -> float:
-    """Chi-square, in units of the whitening, that water would add which attenuates everywhere: 10 at most."""
+def lowest_attenuation_per_m(fit: Fit) -> float:
+    """Least attenuation that light meets on its way, 1/m, in water that changes along the tank or in time."""
     forward = fit.model.forward
     if not isinstance(forward, SceneForward) or not any(map(_adds_to_water, fit.paths)):
         return 0.0
-    lowest = _least(forward, fit, fit.u)
-    if lowest >= 0:
+    return _least(forward, fit, fit.u)
+
+
+def cost_of_amplifying(fit: Fit) -> float:
+    """Chi-square, in units of the whitening, that water would add which attenuates everywhere: 10 at most."""
+    forward, lowest = fit.model.forward, lowest_attenuation_per_m(fit)
+    if not isinstance(forward, SceneForward) or lowest >= 0:
         return 0.0
     covariance = np.nan_to_num(fit.covariance())
     steps, slopes = _MOVED * np.sqrt(np.diag(covariance)), np.zeros(len(fit.u))

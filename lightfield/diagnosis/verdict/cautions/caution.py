@@ -26,6 +26,7 @@ class Warns(str, Enum):
     MORE_ABSORPTION = "absorption far above the scene's"
     LESS_ABSORPTION = "absorption far below the scene's"
     GAIN = "gain beyond the calibration"
+    AMPLIFIES = "water that amplifies"
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
     UNEVEN_LAMP = "uneven lamp"
@@ -90,6 +91,9 @@ _WORDS = {
     Warns.LESS_ABSORPTION: _ABSORPTION.format("these readings were taken in water (column medium)"),
     Warns.GAIN: "the readings are {ratio:.3g} times what the scene's lamp of {power_w:g} W gives, and "
     "calibrated to {calibration_percent:g} %: check their unit, or lamp.power_w",
+    Warns.AMPLIFIES: "the water that fits best would have to give light back (its attenuation comes down to "
+    "{least_per_m:.2g} 1/m): a straight gradient or drift holds only so far; read the attenuation at both "
+    "ends of the tank, at the beginning and at the end of the scan",
     Warns.OF_BAND: "means over the band would be {ratio:.3g} times what is read at the stated wavelengths: "
     "if these readings are such, leave wavelength_nm out",
     Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying, lowest_attenuation_per_m
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import Finding
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
@@ -35,6 +36,8 @@ WIDTH_FACTOR, ABSORPTION_FACTOR = 1.5, 2.0
 FELT = 0.1
 #: Errors of the calibration beyond which a gain is spoken of. Chosen: one right calibration of 370 is.
 GAIN_SIGMA = 3.0
+#: Chi-square from which on water that amplifies is spoken of: two standard errors.
+AMPLIFIES = 4.0
 #: Exchanged columns leave this part of the misfit at most.
 EXCHANGED = 0.25
 
@@ -55,7 +58,7 @@ def hints(
     gain = _gain(scene, values, calibration)
     found = [
         _width(scene, forward.scenes.at(values, validate=False)), _absorption(forward, problem, values),
-        gain, _of_band(forward, gain, calibration),
+        gain, _of_band(forward, gain, calibration), _amplifying(fit),
     ]  # fmt: skip
     if has_diffuse_light(scene) and forward.light.diffuse.trace is None:
         found.append(Caution(warns=Warns.LEFT_OUT))
@@ -111,6 +114,14 @@ def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, fl
     told = {"ratio": fitted / guess, "fitted": fitted, "stated": guess}
     warns = Warns.LESS_ABSORPTION if fitted < guess else Warns.MORE_ABSORPTION
     return Caution(warns=warns, about="water.absorption_per_m", values=told)
+
+
+def _amplifying(fit: Fit) -> Caution | None:
+    if cost_of_amplifying(fit) < AMPLIFIES:
+        return None
+    return Caution(
+        warns=Warns.AMPLIFIES, about="water", values={"least_per_m": lowest_attenuation_per_m(fit)}
+    )
 
 
 def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) -> Caution | None:

@@ -7,6 +7,7 @@ import pytest
 
 from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, least_squares
 from lightfield.fitting.parameter import FitParameter, Model
@@ -136,3 +137,6 @@ def test_a_gradient_that_goes_below_zero_at_the_far_end_is_a_gradient() -> None:
     verdict = diagnose(readings, SCENE, diffuse=None, advise=False).verdict
     assert "water_gradient" in verdict.best_set
     assert "plane_gain" not in verdict.best_set
+    (told,) = [c for c in verdict.cautions if c.warns is Warns.AMPLIFIES]
+    assert told.values["least_per_m"] == pytest.approx(0.08 - 0.018 * (9.5 - CENTRE_M), abs=0.005)
+    assert "give light back" in told.sentence

@@ -21,7 +21,7 @@ from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
 from lightfield.diagnosis.search.pool.any_number import Data, Many, everything, search_many
 from lightfield.diagnosis.search.pool.backward import linear_backward
-from lightfield.diagnosis.search.pool.evidence import FAMILY, Evidence, Weighing, evidence
+from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
@@ -118,22 +118,6 @@ def test_a_duplicate_is_one_of_two() -> None:
     other = {"odd": "copy", "copy": "odd"}[one]
     assert levels[one] == ("one of", ((other,),))
     assert levels["dusk"][0] == levels["fan"][0] == "certain"
-
-
-def test_a_set_that_is_not_accepted_bars_none_with_an_effect_more() -> None:
-    """The duplicate alone is no explanation: then it is one beside a third effect, at the price of that."""
-    made = toy(copy=-2.0 * more_waves(layout())["odd"])
-    problem = made.drawn(np.random.default_rng(1), odd=3.0, dusk=0.5)
-    pool = pool_of(made, problem)
-    by_name = {c.name: c for c in problem.candidates}
-    best, copy, more = (
-        pool.fit([by_name[n] for n in names], [Begin({})])
-        for names in (("odd",), ("copy",), ("copy", "dusk"))
-    )
-    weighing = Weighing.of(pool, best)
-    assert weighing.above(copy) < weighing.above(more) < FAMILY
-    assert weighing.family() == [best, copy]
-    assert weighing.family(lambda node: node is not copy) == [best, more]
 
 
 @pytest.mark.parametrize(("one_curve", "level"), [(True, "one of"), (False, "certain")])

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from toy_pool import many, pool_of, toy
+from toy_pool import many, more_waves, pool_of, toy
+from toy_problem import layout
 
 from lightfield.diagnosis import course
 from lightfield.diagnosis.diagnose import diagnose
@@ -16,6 +17,7 @@ from lightfield.diagnosis.search import many as beyond
 from lightfield.diagnosis.search.cascade import search
 from lightfield.diagnosis.search.pool.answer import the_answer
 from lightfield.diagnosis.search.pool.any_number import Data
+from lightfield.diagnosis.search.pool.evidence import FAMILY, Weighing
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.search_progress import SILENT
@@ -51,6 +53,22 @@ def test_a_lamp_with_rings_is_not_flat_because_that_passes(seed: int) -> None:
     assert verdict.best_set == ["beam_profile", "background"] and "beam_profile" in verdict.certain
     background = verdict.ladder[-1].parameters["detector.background"]
     assert abs(background.value - 0.008) < 3 * background.stderr
+
+
+def test_a_set_that_is_not_accepted_bars_none_with_an_effect_more() -> None:
+    """The duplicate alone is no explanation: then it is one beside a third effect, at the price of that."""
+    made = toy(copy=-2.0 * more_waves(layout())["odd"])
+    problem = made.drawn(np.random.default_rng(1), odd=3.0, dusk=0.5)
+    pool = pool_of(made, problem)
+    by_name = {c.name: c for c in problem.candidates}
+    best, copy, more = (
+        pool.fit([by_name[n] for n in names], [Begin({})])
+        for names in (("odd",), ("copy",), ("copy", "dusk"))
+    )
+    weighing = Weighing.of(pool, best)
+    assert weighing.above(copy) < weighing.above(more) < FAMILY
+    assert weighing.family() == [best, copy]
+    assert weighing.family(lambda node: node is not copy) == [best, more]
 
 
 @pytest.mark.parametrize(("size", "kept"), [(0.35, False), (1.0, True)])

@@ -20,6 +20,7 @@ NUMBERS = {
     Warns.MORE_ABSORPTION: {"ratio": 2.3, "fitted": 0.23, "stated": 0.1},
     Warns.LESS_ABSORPTION: {"ratio": 0.25, "fitted": 0.025, "stated": 0.1},
     Warns.GAIN: {"ratio": 1.57, "power_w": 30.0, "calibration_percent": 10.0},
+    Warns.AMPLIFIES: {"least_per_m": -0.036},
     Warns.OF_BAND: {"ratio": 0.106},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
     Warns.NOT_CONVERGED: {"gain": 12.0, "sigma": 3.5},
