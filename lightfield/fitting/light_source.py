@@ -137,14 +137,14 @@ class LightSource:
         return np.asarray(modes), np.asarray(smooth)
 
     def lamp_errors(self, values: Mapping[str, float]) -> Array:
-        """Errors of the direct light by those that the lamp's table states, shape (n, k).
+        """Errors of the direct light by those of the lamp's table, shape (n, k).
 
-        Independent contributions: covariance = modes @ modes.T; k = 0 where none are stated. What they make
+        Independent contributions: covariance = modes @ modes.T; k = 0 where there are none. What they make
         of scattered and reflected light, which comes from all angles at once, is less, and left out.
         """
         scene, r = self.scenes.with_values(_optical(values)), self.readings
         stated = table_of(scene.lamp)
-        if stated is None or not len(stated.errors):
+        if stated is None:
             return np.zeros((len(r.x_m), 0))
         relative = stated.relative_errors(analytic.table_angle(scene.lamp, r.x_m, r.y_m, r.z_m, r.medium))
         return np.asarray((self.direct(scene, r) * self.correction)[:, None] * relative.T)

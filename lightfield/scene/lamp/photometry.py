@@ -22,6 +22,9 @@ from lightfield.storage.tables import LARGEST, column_names, read_columns, read_
 ROUND = 0.002
 #: Intensities that differ by less, as a part of that on the axis, are the same.
 SAME_INTENSITY = 1e-9
+#: What straight lines leave out of a beam, as a part of it there, can be felt from here on: a third of the
+#: misfit that a diagnosis takes for none unless it is told otherwise.
+_LEFT_OUT = 1e-3
 _TURN = 2 * np.pi
 #: Columns of a table with errors: of every row by itself; and how those begin that rows share.
 OWN_ERROR, SHARED_ERROR = "stderr", "error_"
@@ -67,10 +70,31 @@ class BeamTable:
         return self._alike(np.pi), self._alike(0.0)
 
     def relative_errors(self, angle_rad: Array) -> Array:
-        """The errors over the intensity at angles from the axis, shape (k, n); where it is dark none."""
+        """The errors over the intensity at angles from the axis, shape (k, n); where it is dark none.
+
+        Those that are stated; and, one for each pair of neighbouring angles, what the straight line between
+        them leaves out of a smooth beam, where that can be felt.
+        """
         intensity = np.interp(angle_rad, self.angle_rad, self.mean, right=0.0)
         error = [np.interp(angle_rad, self.angle_rad, each, right=0.0) for each in self.errors]
-        return np.array(error) / np.where(intensity > 0, intensity, np.inf)
+        left_out, between = self.left_out(angle_rad), np.searchsorted(self.angle_rad, angle_rad)
+        for i in np.unique(between[np.abs(left_out) > _LEFT_OUT]):
+            error.append(np.where(between == i, left_out * intensity, 0.0))
+        return np.array(error).reshape(-1, len(intensity)) / np.where(intensity > 0, intensity, np.inf)
+
+    def left_out(self, angle_rad: Array) -> Array:
+        """What straight lines between the angles leave out of a smooth beam, over what they say, shape (n,).
+
+        Smooth is a cubic spline through the same angles, flat on the axis: up to three half widths of a
+        Gaussian, in steps of a quarter of one, it is right to 0.1 %, where straight lines are to 12 %.
+        """
+        from scipy.interpolate import CubicSpline  # a tenth of a second, which few commands need
+
+        angle = np.concatenate([-self.angle_rad[:0:-1], self.angle_rad])
+        smooth = CubicSpline(angle, np.concatenate([self.mean[:0:-1], self.mean]))(angle_rad)
+        linear = np.interp(angle_rad, self.angle_rad, self.mean, right=0.0)
+        lit = (angle_rad <= self.angle_rad[-1]) & (linear > 0)
+        return np.where(lit, smooth / np.where(lit, linear, 1.0) - 1.0, 0.0)
 
     def _alike(self, about: float) -> bool:
         """Is it the same at a turn and at that mirrored?"""

@@ -154,3 +154,25 @@ def test_errors_of_a_beam_that_is_not_round_are_refused(tmp_path: Path) -> None:
     path.write_text("angle_deg,phi_deg,intensity,stderr\n0,0,1,0.1\n9,0,1,0.1\n", encoding="utf-8")
     with pytest.raises(SceneError, match=r"not round.*stderr"):
         beam_table(str(path))
+
+
+@pytest.mark.parametrize("step_deg", [1.5, 2.5])
+def test_what_straight_lines_leave_out_is_an_error_of_a_coarse_table(tmp_path: Path, step_deg: float) -> None:
+    """Of a Gaussian of 6 degrees: between each pair of angles that of the closed form, one error each."""
+    path, angle = tmp_path / "lamp.csv", np.arange(0.0, 45.1, step_deg)
+    rows = (f"{a:g},{2.0 ** -((a / HWHM_DEG) ** 2):.8g}" for a in angle)
+    path.write_text("\n".join(["angle_deg,intensity", *rows]), encoding="utf-8")
+    at = np.linspace(0.0, 12.0, 241)
+    linear = np.interp(at, angle, 2.0 ** -((angle / HWHM_DEG) ** 2))
+    left_out = 2.0 ** -((at / HWHM_DEG) ** 2) / linear - 1
+    found = beam_table(str(path)).relative_errors(np.radians(at))
+    assert len(found) == math.ceil(12.0 / step_deg)
+    assert ((found != 0).sum(axis=0) <= 1).all()
+    assert np.abs(left_out).max() > 0.01
+    assert found.sum(axis=0) == pytest.approx(left_out, abs=0.05 * np.abs(left_out).max())
+
+
+def test_a_fine_table_leaves_nothing_out(tmp_path: Path) -> None:
+    save_intensity(Lamp(hwhm_deg=6.0), 30.0, tmp_path / "lamp.csv")
+    found = beam_table(str(tmp_path / "lamp.csv")).relative_errors(np.radians(np.linspace(0.0, 12.0, 241)))
+    assert found.shape == (0, 241)

@@ -29,6 +29,7 @@ class Warns(str, Enum):
     AMPLIFIES = "water that amplifies"
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
+    COARSE_TABLE = "lamp's table in coarse steps"
     UNEVEN_LAMP = "uneven lamp"
     FINEST_CURVE = "lamp's curve as fine as curves go"
     UNSETTLED = "scattered light by the trace of the search alone"
@@ -40,6 +41,7 @@ class Warns(str, Enum):
 #: What speaks of a mistake in the table or the scene, which effects then stand in for.
 MISTAKES = (
     Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN, Warns.OF_BAND, Warns.EXCHANGED,
+    Warns.COARSE_TABLE,
 )  # fmt: skip
 #: The same of the table's own checks.
 _MISTAKES_OF_TABLES = (
@@ -98,6 +100,9 @@ _WORDS = {
     "if these readings are such, leave wavelength_nm out",
     Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "
     "reading {exchanged:.2g} instead of {as_given:.2g}): check the columns",
+    Warns.COARSE_TABLE: "the lamp's table has steps of {step_deg:.2g} degrees, and straight lines between "
+    "them leave out up to {percent:.2g} % of the light of these readings: effects of lamp and receiver may "
+    "stand in for it; state it in finer steps (a smooth curve through the same angles will do)",
     Warns.NOT_CONVERGED: "the fit was stopped before it stood still: one step more would lower chi-square by "
     "{gain:.2g} and move {about} by {sigma:.2g} of its error; begin nearer to the end (with the fitted scene "
     "that -o writes), or leave out one of the effects that hang together",

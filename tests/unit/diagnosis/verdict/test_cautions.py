@@ -23,6 +23,7 @@ NUMBERS = {
     Warns.AMPLIFIES: {"least_per_m": -0.036},
     Warns.OF_BAND: {"ratio": 0.106},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
+    Warns.COARSE_TABLE: {"step_deg": 1.5, "percent": 2.3},
     Warns.NOT_CONVERGED: {"gain": 12.0, "sigma": 3.5},
     Warns.NOT_CONFIRMED: {"fitted_percent": 0.42, "rendered_percent": 3.1},
 }
