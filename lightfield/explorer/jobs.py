@@ -11,6 +11,7 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words.effects import effect_size, level
 from lightfield.explorer.beside import Tell
 from lightfield.explorer.experiment import all_lit, explored
+from lightfield.progress import heard_by
 from lightfield.readings import Readings
 from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.source import response_for
@@ -123,12 +124,10 @@ def compared(scene: Scene, tell: Tell) -> str:
     from lightfield.report.compare.page import comparison_page
     from lightfield.studies.compare.maps import compare
 
-    tell("rendering the scene that is shown")
-
-    def follow(photons: int, reached: float, wanted: float) -> None:
-        tell("rendering the scene that is shown", min(1.0, (wanted / reached) ** 2))
-
-    dataset = to_dataset(render_scene(scene, progress=follow))
+    stage = "rendering the scene that is shown"
+    tell(stage)
+    with heard_by(lambda words, part: tell(stage, part)):
+        dataset = to_dataset(render_scene(scene))
     tell("drawing the report")
     return comparison_page(compare(dataset), dataset.attrs)
 

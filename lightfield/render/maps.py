@@ -16,7 +16,7 @@ from lightfield.render.limits import OF_MAPS
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
-from lightfield.render.settings import OnProgress, Settings
+from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
@@ -146,7 +146,6 @@ def render_scene(
     seed: int = 0,
     reference: Reference | None = None,
     grid: Grid | None = None,
-    progress: OnProgress | None = None,
     cache: bool = True,
     symmetry: bool = False,
     path_nodes: int | None = None,
@@ -165,8 +164,6 @@ def render_scene(
         Water to trace in; give scattering or wall albedo here to evaluate them in a scene that has none.
     grid : Grid, optional
         Cells to tally; default: those that the scene's detector asks for.
-    progress : callable, optional
-        Called with (photons so far, relative error so far, requested error).
     cache : bool
         Look for, and leave, the response on disk.
     symmetry : bool
@@ -198,7 +195,7 @@ def render_scene(
         trace_until,  # Mitsuba, which a cached response does not need
     )
 
-    response, energy, reached = trace_until(scene, grid, chosen, settings, progress, path_nodes)
+    response, energy, reached = trace_until(scene, grid, chosen, settings, path_nodes)
     if cache:
         found = {"energy": np.array(astuple(energy)), "reached": np.array(reached)}
         response_cache.keep(key, response.packed() | found)

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from lightfield.render.limits import OF_MAPS, REL_ERROR, check_photons, check_rel_error
-
-OnProgress = Callable[
-    [int, float, float], None
-]  # photons so far, relative error so far, requested relative error
 
 #: Least and most pixels of a side of a camera view, and paths per pixel and colour.
 PICTURE_PIXELS, PICTURE_SAMPLES = (16, 8192), (2, 100_000)

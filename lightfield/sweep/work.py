@@ -25,7 +25,6 @@ from lightfield.render.maps import render_scene, with_own_path
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.response.response_cache import is_damage, read_arrays, write_arrays
-from lightfield.render.settings import OnProgress
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
@@ -104,9 +103,7 @@ def map_target(plan: SweepPlan, path: Path, variables: dict[str, Variable]) -> M
     return MapTarget(path, variables, quantity, units, area_units)
 
 
-def do_trace(
-    trace: Trace, scene: Scene, settings: SweepSettings, path: Path, progress: OnProgress | None = None
-) -> TraceDone:
+def do_trace(trace: Trace, scene: Scene, settings: SweepSettings, path: Path) -> TraceDone:
     """Trace a scene, and leave the response beside the store; one that is there already is not traced again.
 
     Raises
@@ -128,7 +125,6 @@ def do_trace(
                     max_photons=settings.max_photons,
                     seed=trace.seed,
                     reference=trace.reference,
-                    progress=progress,
                     cache=False,
                 )
             _save(file, rendering.response, rendering.reached)

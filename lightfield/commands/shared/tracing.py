@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TypeVar
 
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
-
-from lightfield.commands.shared.console import console
 from lightfield.commands.shared.options import add_tracing, given
-from lightfield.commands.shared.progress import status_lines
-from lightfield.progress import heard_by, part_of_trace
+from lightfield.commands.shared.progress import progress_of
 from lightfield.render.limits import OF_MAPS
 from lightfield.render.maps import Rendering
-from lightfield.render.settings import OnProgress
 from lightfield.scene import Scene
 
 Made = TypeVar("Made")
@@ -31,37 +24,8 @@ def add_tracing_arguments(parser: argparse.ArgumentParser) -> None:
 
 def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) -> Made:
     """Trace a scene as the options say, and say how far it is."""
-    options = given(args)
-    limit = float(options.get("max_photons", OF_MAPS.max_photons))
-    with progress_bar(scene.name or "scene", limit) as report:
-        return render(
-            scene,
-            **options,
-            cache=not args.no_cache,
-            progress=report,
-        )
-
-
-@contextmanager
-def progress_bar(name: str, max_photons: float = OF_MAPS.max_photons) -> Iterator[OnProgress]:
-    """Progress of a trace on standard error: a bar on a terminal, elsewhere a line every ten seconds."""
-    output = console(stderr=True)
-    if not output.is_terminal:
-        with status_lines(name) as note, heard_by(note):  # the tracer tells it, batch by batch
-            yield lambda *_: None
-        return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Bar(*columns, console=output, transient=True) as bar:
-        task = bar.add_task(f"tracing {name}", total=1.0)
-
-        def report(photons: int, reached: float, requested: float) -> None:
-            bar.update(
-                task,
-                completed=part_of_trace(photons, reached, requested, max_photons),
-                description=f"{name}: {photons:.3g} photons, error {100 * reached:.2g} %",
-            )
-
-        yield report
+    with progress_of(scene.name or "scene"):
+        return render(scene, **given(args), cache=not args.no_cache)
 
 
 def as_text(rendering: Rendering) -> str:

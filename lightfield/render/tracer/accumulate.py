@@ -23,7 +23,7 @@ from lightfield.render.response.response import (
     light_classes,
 )
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, mirror_images, symmetric
-from lightfield.render.settings import BY_PHOTONS, OnProgress, Settings, batches_of
+from lightfield.render.settings import BY_PHOTONS, Settings, batches_of
 from lightfield.render.tracer.build import Setup, assembled
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
@@ -47,7 +47,6 @@ def trace_until(
     grid: Grid,
     reference: Reference,
     settings: Settings,
-    progress: OnProgress | None = None,
     path_nodes: int | None = None,
 ) -> tuple[TransportResponse, Bookkeeping, float]:
     """Trace until 95 % of the lit cells are known to `settings.rel_error`, or the photon budget is spent.
@@ -90,8 +89,6 @@ def trace_until(
         spent = first * batches
         # The relative error of sums is that of means: the tally, which is large, is not copied for it.
         reached = worst_error(scene, _response(sums, spent, setup, np.ones(rows, bool)))
-        if progress:
-            progress(spent, reached, settings.rel_error)
         if reached <= settings.rel_error or spent >= settings.max_photons:
             tell("", 1.0)  # what follows is no trace
             free_memory()

@@ -43,10 +43,12 @@ MAIN = "\nimport sys; from lightfield.cli import main; sys.exit(main(sys.argv[1:
 IN_TRACE = """
 from contextlib import contextmanager
 from lightfield.commands.shared import tracing
+from lightfield.progress import heard_by
 @contextmanager
-def bar(name, max_photons):
-    yield lambda photons, reached, requested: print("now", flush=True)
-tracing.progress_bar = bar
+def bar(name):
+    with heard_by(lambda words, part: print("now", flush=True)):
+        yield
+tracing.progress_of = bar
 """
 
 # Stops in the middle of writing a file: half of its bytes are on the disk.
