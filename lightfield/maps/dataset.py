@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
+from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -18,12 +18,15 @@ from lightfield.arrays import Array
 from lightfield.errors import OutputError
 from lightfield.maps.colour import linear_rgb
 from lightfield.maps.exr import Attribute, SpectralImage, plane_names, write_spectral_exr
-from lightfield.render.response.grid import Grid
 from lightfield.scene import Detector, Scene, Tank
 from lightfield.scene.in_tank import plane_size_m
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 from lightfield.storage.inputs import MAPS, check_regular
 from lightfield.version import __version__
+
+if TYPE_CHECKING:
+    from lightfield.render.at_readings import AtPlaces
+    from lightfield.render.maps import Rendering
 
 #: First bytes of HDF5, and so of NetCDF-4.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
@@ -44,40 +47,13 @@ QUANTITIES = {
 }
 
 
-class Rendered(Protocol):
-    """What this module needs of a rendering; `lightfield.render.maps.Rendering` is one."""
-
-    @property
-    def scene(self) -> Scene: ...
-    @property
-    def grid(self) -> Grid: ...
-
-    def maps(self, wavelengths_nm: Any = None, part: str = "all") -> tuple[Array, Array]: ...
-
-
-class RenderedAtPlaces(Protocol):
-    """The same for single places; `lightfield.render.at_readings.AtPlaces` is one."""
-
-    @property
-    def scene(self) -> Scene: ...
-    @property
-    def rendering(self) -> Rendered: ...
-    @property
-    def x_m(self) -> Array: ...
-    @property
-    def y_m(self) -> Array: ...
-    @property
-    def z_m(self) -> Array: ...
-
-    def maps(self, wavelengths_nm: Any = None, part: str = "all") -> tuple[Array, Array]: ...
-
-
-def to_dataset(rendering: Rendered | RenderedAtPlaces, wavelengths_nm: Array | None = None) -> xr.Dataset:
+def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = None) -> xr.Dataset:
     """Maps of a rendering with everything needed to understand them later.
 
     Parameters
     ----------
-    rendering : Rendered
+    rendering : Rendering or AtPlaces
+        Of planes, or of single places.
     wavelengths_nm : array, shape (n,), nm, optional
         Default: one map per band of the detector, averaged over the band.
 
@@ -126,7 +102,7 @@ def to_dataset(rendering: Rendered | RenderedAtPlaces, wavelengths_nm: Array | N
     return dataset
 
 
-def _places(rendering: Rendered | RenderedAtPlaces) -> tuple[tuple[str, ...], dict[str, Any]]:
+def _places(rendering: Rendering | AtPlaces) -> tuple[tuple[str, ...], dict[str, Any]]:
     """Dimensions and coordinates of the maps: planes, or single positions."""
     where: Any = getattr(rendering, "grid", rendering)
     single = where is rendering
@@ -152,7 +128,7 @@ def scene_attributes(scene: Scene, title: str = "light field of an underwater la
     return {
         "Conventions": CONVENTIONS,
         "title": str(scene.name or title),
-        "source": f"Monte Carlo light transport, lightfield {__version__}, mitsuba {_version('mitsuba')}",
+        "source": f"Monte Carlo light transport, lightfield {__version__}, mitsuba {version('mitsuba')}",
         # Without the time: equal runs give equal files, and the file system knows when.
         "history": f"lightfield {__version__}",
         "orientation": "x horizontal, y up, z along the axis from the lamp; indices grow with coordinates",
@@ -164,24 +140,18 @@ def scene_attributes(scene: Scene, title: str = "light field of an underwater la
     }
 
 
-def provenance(rendering: Rendered) -> dict[str, Attribute]:
+def provenance(rendering: Rendering) -> dict[str, Attribute]:
     """Global attributes: conventions, scene, seed, photons, requested and reached error, energy, software."""
-    scene = rendering.scene
-    attributes = scene_attributes(scene)
-    settings = getattr(rendering, "settings", None)
-    response = getattr(rendering, "response", None)
-    for name, value in (
-        ("seed", getattr(settings, "seed", None)),
-        ("requested_relative_error", getattr(settings, "rel_error", None)),
-        ("reached_relative_error", getattr(rendering, "reached", None)),
-        ("photons", getattr(response, "photons", None)),
-    ):
-        if value is not None:
-            attributes[name] = float(value) if isinstance(value, float) else int(value)
-    for name, value in _energy(rendering).items():
-        attributes[f"energy_{name}"] = float(value)
-    if "energy_emitted" in attributes:
-        attributes["energy_units"], attributes["energy_comment"] = energy_units(scene)
+    scene, settings, energy = rendering.scene, rendering.settings, rendering.energy
+    attributes = scene_attributes(scene) | {
+        "seed": int(settings.seed),
+        "requested_relative_error": float(settings.rel_error),
+        "reached_relative_error": float(rendering.reached),
+        "photons": int(rendering.response.photons),
+    }
+    balance = {**asdict(energy), "closure": energy.closure}
+    attributes |= {f"energy_{name}": float(value) for name, value in balance.items()}
+    attributes["energy_units"], attributes["energy_comment"] = energy_units(scene)
     return attributes
 
 
@@ -348,20 +318,3 @@ def write_exr_planes(dataset: xr.Dataset, folder: str | os.PathLike[str]) -> lis
 def _exr_unit(unit: str) -> str:
     """`m-2` as the EXR layout writes it, `m^-2`."""
     return unit.replace("-", "^-")
-
-
-def _energy(rendering: Rendered) -> Mapping[str, float]:
-    energy = getattr(rendering, "energy", None)
-    if energy is None:
-        return {}
-    table = asdict(energy) if is_dataclass(energy) and not isinstance(energy, type) else dict(energy)
-    if hasattr(energy, "closure"):
-        table["closure"] = energy.closure
-    return table
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -52,16 +53,9 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
     """
     noted = problems if problems is not None else _problems(readings)
     lines = _places(readings)
-    unread = noted.unread()
     if len(readings) == 0 and not noted:
         noted.add("there is no reading", remedy="add rows below the column names")
-
-    def refuse(bad: Any, name: str, what: str, rule: str, remedy: str | None = None) -> None:
-        values = getattr(readings, name)
-        for k in np.flatnonzero(bad).tolist():
-            if not unread & {(name, None), (name, lines[k])}:
-                noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)
-
+    refuse = partial(_refuse, readings, noted, lines)
     for name in ("x_m", "y_m", "z_m", "value"):
         refuse(~np.isfinite(getattr(readings, name)), name, "is not a finite number", "a finite number")
     for name in (name for name in NUMBER_COLUMNS if name not in ("x_m", "y_m", "z_m", "value", "saturated")):
@@ -125,6 +119,23 @@ def _places(readings: Unchecked) -> list[int]:
     return list(range(1, len(readings) + 1)) if readings.line is None else [int(k) for k in readings.line]
 
 
+def _refuse(
+    readings: Unchecked,
+    noted: Problems,
+    lines: Sequence[int],
+    bad: Any,
+    name: str,
+    what: str,
+    rule: str,
+    remedy: str | None = None,
+) -> None:
+    """Note the bad ones among the cells of a column, but for those that could not even be read."""
+    unread, values = noted.unread(), getattr(readings, name)
+    for k in np.flatnonzero(bad).tolist():
+        if not unread & {(name, None), (name, lines[k])}:
+            noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)
+
+
 def _check_duplicates(readings: Unchecked, noted: Problems, lines: Sequence[int]) -> None:
     first: dict[tuple[object, ...], int] = {}
     numbers = [getattr(readings, n) for n in ("x_m", "y_m", "z_m", "wavelength_nm", "time_s", "repeat")]
@@ -186,23 +197,18 @@ def against_scene(readings: Given, scene: Scene, problems: Problems | None = Non
     of_band = len(bands) == 1 and (readings.of_band or bool(np.isnan(wavelength).all()))
     if len(bands) == 1:
         wavelength = np.where(np.isnan(wavelength), sum(bands[0]) / 2, wavelength)
+    filled = replace(readings, wavelength_nm=wavelength, of_band=of_band)
+    refuse = partial(_refuse, filled, noted, lines)
     shown = ", ".join(f"{low:g}-{high:g} nm" for low, high in bands)
-    for k in range(len(readings)):
-        if np.isnan(wavelength[k]):
-            noted.add(
-                "no wavelength",
-                place=lines[k],
-                rule=f"one of the scene's bands: {shown}",
-                remedy="add a column wavelength_nm",
-            )
-        elif not any(low <= wavelength[k] <= high for low, high in bands):
-            noted.add(
-                "wavelength_nm is outside the scene's bands",
-                place=lines[k],
-                found=wavelength[k].item(),
-                rule=f"detector.bands_nm: {shown}",
-                remedy="add its band to the scene",
-            )
+    unknown = np.isnan(wavelength)
+    for k in np.flatnonzero(unknown).tolist():
+        rule, remedy = f"one of the scene's bands: {shown}", "add a column wavelength_nm"
+        noted.add("no wavelength", place=lines[k], rule=rule, remedy=remedy)
+    inside = np.any([(low <= wavelength) & (wavelength <= high) for low, high in bands], axis=0)
+    refuse(
+        ~inside & ~unknown, "wavelength_nm", "is outside the scene's bands", f"detector.bands_nm: {shown}",
+        "add its band to the scene",
+    )  # fmt: skip
     quantity = str(scene.detector.quantity)
     if readings.quantity and readings.quantity != quantity:
         noted.add(
@@ -212,18 +218,14 @@ def against_scene(readings: Given, scene: Scene, problems: Problems | None = Non
             remedy="change it in the scene",
         )
     _check_linear(readings, noted)
-    _check_slips(readings, noted, lines)
+    _check_slips(readings, refuse)
     if scene.tank is not None:
-        _check_tank(readings, scene.tank, noted, lines)
+        _check_tank(readings, scene.tank, refuse)
     least = scene.lamp.least_distance_m
-    for k in np.flatnonzero(readings.z_m < least).tolist():
-        noted.add(
-            "z_m is too near to where the light comes from",
-            place=lines[k],
-            found=readings.z_m[k].item(),
-            rule=f"at least {least:g}, twice -lamp.apparent_distance_m",
-            remedy="write an apparent_distance_m nearer to 0",
-        )
+    refuse(
+        readings.z_m < least, "z_m", "is too near to where the light comes from",
+        f"at least {least:g}, twice -lamp.apparent_distance_m", "write an apparent_distance_m nearer to 0",
+    )  # fmt: skip
     drift = scene.lamp.drift_per_hour
     for k in np.flatnonzero(1.0 + drift * readings.time_s / 3600.0 <= 0.0).tolist():
         noted.add(
@@ -235,8 +237,7 @@ def against_scene(readings: Given, scene: Scene, problems: Problems | None = Non
         )
     if problems is None:
         noted.raise_any("does not fit the scene")
-    quantity = readings.quantity or quantity
-    return replace(readings, wavelength_nm=wavelength, quantity=quantity, of_band=of_band)
+    return replace(filled, quantity=readings.quantity or quantity)
 
 
 def _check_linear(readings: Unchecked, noted: Problems) -> None:
@@ -257,31 +258,23 @@ def _check_linear(readings: Unchecked, noted: Problems) -> None:
         )
 
 
-def _check_slips(readings: Unchecked, noted: Problems, lines: Sequence[int]) -> None:
+def _check_slips(readings: Unchecked, refuse: Callable[..., None]) -> None:
     """One number that is out of all proportion would drown all others in a fit."""
     size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
     next_largest = np.sort(size)[-2] if len(size) > 2 else 0.0
     beyond = (next_largest > 0) & (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
-    for k in np.flatnonzero(beyond).tolist():
-        noted.add(
-            "value is beyond all others",
-            place=lines[k],
-            found=readings.value[k].item(),
-            rule=f"at most {LARGEST_STEP:g} times the next largest",
-            remedy="correct it, or remove the row",
-        )
+    refuse(
+        beyond, "value", "is beyond all others", f"at most {LARGEST_STEP:g} times the next largest",
+        "correct it, or remove the row",
+    )  # fmt: skip
     sure = (readings.stderr > 0) & (readings.stderr < SMALLEST_ERROR * np.max(size, initial=0.0))
-    for k in np.flatnonzero(sure).tolist():
-        noted.add(
-            "stderr is smaller than any instrument's",
-            place=lines[k],
-            found=readings.stderr[k].item(),
-            rule=f"at least {SMALLEST_ERROR:g} of the largest reading",
-            remedy="leave it blank when it is not known",
-        )
+    refuse(
+        sure, "stderr", "is smaller than any instrument's",
+        f"at least {SMALLEST_ERROR:g} of the largest reading", "leave it blank when it is not known",
+    )  # fmt: skip
 
 
-def _check_tank(readings: Unchecked, tank: Tank, noted: Problems, lines: Sequence[int]) -> None:
+def _check_tank(readings: Unchecked, tank: Tank, refuse: Callable[..., None]) -> None:
     across, up, (_, end) = tank.box_m
     ends = {"x_m": across, "y_m": up, "z_m": (0.0, end)}
 
@@ -298,11 +291,4 @@ def _check_tank(readings: Unchecked, tank: Tank, noted: Problems, lines: Sequenc
         if unit := unit_of_lengths(values[readings.medium == "water"], low, high):
             inside = f"they look like {unit[0]}: give metres, {name} over {unit[1]:g}"
         outside = beyond(values, name) & (np.abs(values) <= FARTHEST_M)  # else that was said
-        for k in np.flatnonzero(outside).tolist():
-            noted.add(
-                f"{name} is outside the tank",
-                place=lines[k],
-                found=values[k].item(),
-                rule=f"{low:g} <= {name} <= {high:g}",
-                remedy=inside,
-            )
+        refuse(outside, name, "is outside the tank", f"{low:g} <= {name} <= {high:g}", inside)

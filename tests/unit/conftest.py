@@ -8,6 +8,7 @@ import pytest
 from matplotlib.axis import Axis
 from matplotlib.text import Text
 
+from lightfield.render.response.response import Bookkeeping
 from lightfield.scene import Scene
 
 LOG2 = np.log(2)
@@ -45,7 +46,7 @@ class StandIn:
 
     @property
     def energy(self):
-        return {"emitted": 0.0182, "absorbed": 0.011, "walls": 0.006, "escaped": 0.0012}
+        return Bookkeeping(0.0182, 0.011, 0.006, 0.0012, unfinished=0.0, roulette=0.0)
 
     def truth(self, part="all"):
         z, y, x = np.meshgrid(self.grid.z_m, self.grid.y_m, self.grid.x_m, indexing="ij")

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.closure import closure
-from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
+from lightfield.formula.scattered.multiple import Spread, closure, largest_kz, multiple
 from lightfield.formula.scattered.quadrature import (
     EmissionTable,
     mean_cosine,

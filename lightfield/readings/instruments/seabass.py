@@ -60,13 +60,13 @@ def read(document: Document) -> list[Spectrum]:
             found.setdefault(match["name"], []).append((k, float(match["nm"])))
     groups = {name: sorted(p, key=lambda p: p[1]) for name, p in found.items() if len(p) >= LEAST_ACROSS}
     if not groups:
-        problems.add(
+        problems.refuse(
+            f"not a usable {NAME} file",
             "no field is a spectrum",
             found=", ".join(names[:6]),
             rule="a field wavelength, or fields like Es353.2",
             remedy="take a file of radiometry",
         )
-        problems.raise_any(f"not a usable {NAME} file")
     out = []
     for name, places in groups.items():
         wavelength, which = np.array([nm for _, nm in places]), [k for k, _ in places]

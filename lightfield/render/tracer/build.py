@@ -18,9 +18,8 @@ from lightfield.render.settings import PATH_NODES
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flight import TransportProblem
-from lightfield.render.tracer.flux_planes import FluxPlanes
 from lightfield.render.tracer.histories import Histories, WallNodes
-from lightfield.render.tracer.planes import Planes, open_water_m
+from lightfield.render.tracer.planes import FluxPlanes, Planes, open_water_m
 from lightfield.render.tracer.scattering import by_plugin, henyey_greenstein, with_molecules
 from lightfield.render.tracer.surfaces import Box, OpenWater, beckmann
 from lightfield.scene import Scene

@@ -9,13 +9,13 @@ by its length in it, at a point of that length chosen at random (track-length es
 from __future__ import annotations
 
 from math import inf, log, pi, radians
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from lightfield.render.response.grid import Grid
+from lightfield.render.response.grid import COMPONENTS, Grid
 from lightfield.scene import Detector
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.receiver import looks_aside, tilted_axis
@@ -266,3 +266,29 @@ def open_water_m(grid: Grid) -> float:
 def _opaque(value: float) -> mi.Float:
     """A variable, not a literal: a new value needs no new kernel."""
     return dr.opaque(mi.Float, float(value))
+
+
+class FluxPlanes(Planes):
+    """Planes that tally the flux vector of the light, for receivers that may face anywhere.
+
+    The flux vector F = integral of radiance times direction, over all directions, says what a cosine receiver
+    of outward normal n reads, max(-n . F, 0), as long as no light comes from behind its plane (Gershun 1939,
+    J. Math. Phys. 18, 51). What flies back to the lamp is kept apart, which tells how far that holds. Every
+    cell is there once per component, see `COMPONENTS`.
+
+    Parameters
+    ----------
+    grid : Grid
+    *where
+        Lamp and ends of the water, as `Planes` takes them.
+    """
+
+    def __init__(self, grid: Grid, *where: Any) -> None:
+        super().__init__(grid, Detector(quantity="scalar_irradiance"), *where)
+        self.cells *= len(COMPONENTS)
+        self.row_length = dr.opaque(mi.UInt32, self.cells)
+
+    def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[tuple[mi.Float, ...], mi.Float]:
+        (scalar,), straight = super().reading(crossing, direction)
+        parts = direction.x, direction.y, direction.z, dr.maximum(-direction.z, 0)
+        return tuple(scalar * part for part in parts), straight

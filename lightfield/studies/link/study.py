@@ -125,7 +125,7 @@ def link(
         To compare with; default `WATERS`.
     from_m, to_m : float, m
     **tracing
-        Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache, progress.
+        Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache.
 
     Raises
     ------

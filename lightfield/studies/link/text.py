@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,10 +11,42 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import switched_off
 from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.link.receiver import SEEN_HZ, SEEN_SNR
-from lightfield.studies.link.reported import REPORTED
 from lightfield.studies.link.study import Link
 from lightfield.studies.working_range.reaches import Reach
 from lightfield.studies.working_range.text import POSE_WORDS, UNTOLD
+
+
+class Reported(NamedTuple):
+    """A distance at which vehicles are reported to have found a dock or each other by light, to compare with.
+
+    It is not computed here; lamps, receivers and waters differ from one report to the next.
+
+    Parameters
+    ----------
+    from_m, to_m : float, m
+        Range of what was reported; `from_m` is 0 where only the farthest distance was.
+    water, source : str
+    """
+
+    from_m: float
+    to_m: float
+    water: str
+    source: str
+
+    def as_text(self) -> str:
+        """The distance."""
+        return f"up to {self.to_m:g} m" if not self.from_m else f"{self.from_m:g} to {self.to_m:g} m"
+
+
+THESIS = "Eren 2015, thesis, University of New Hampshire, scholars.unh.edu/dissertation/2193"
+REPORTED = (
+    Reported(0.0, 20.0, "K = 0.05 per m, 400 W lamp", THESIS),
+    Reported(0.0, 8.0, "K = 0.1 per m, 400 W lamp", THESIS),
+    Reported(
+        10.0, 15.0, "turbid bay", "Cowen, Briest and Dombrowski 1997, Proc. OCEANS, 1143, as cited by others"
+    ),
+    Reported(20.0, 28.0, "not told", "second hand; no first source is known to us"),
+)
 
 
 def headline(found: Link) -> str:

@@ -251,7 +251,7 @@ def test_what_is_for_programs_is_written_before_people_read(
     def unread(*_: object, **__: object) -> None:
         raise BrokenPipeError
 
-    for module in ("diagnose", "_compare_readings"):
+    for module in ("diagnose", "compare"):
         monkeypatch.setattr(f"lightfield.commands.{module}.print", unread, raising=False)
     monkeypatch.setattr("lightfield.cli._code_of", lambda error: 0)
     assert cli.main([*command.format(f=folder).split(), str(tmp_path / file)]) == 0

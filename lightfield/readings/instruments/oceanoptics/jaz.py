@@ -35,14 +35,14 @@ def read_lettered(document: Document, name: str, problems: Problems, **more: Any
         letters = names.upper().replace(";", " ").split()
         rest = letters[1:]
         if letters[:1] != ["W"] or "S" not in rest or not {*rest} <= {*COLUMNS} or len({*rest}) < len(rest):
-            problems.add(
+            problems.refuse(
+                f"not a usable {name} file",
                 "unknown column names",
                 place=line,
                 found=names,
                 rule="W D R S P, W D S P or W S",
                 remedy="export it again",
             )
-            problems.raise_any(f"not a usable {name} file")
         columns = [COLUMNS[letter] for letter in rest]
         block = replace(block, lines=block.lines[1:])
     return spectrum(document, name, block, columns, problems, **more)
