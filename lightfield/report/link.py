@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page
-from lightfield.report.style import BAD, INK, SERIES, label, legend_below, panels
+from lightfield.report.style import BAD, DASH, INK, SERIES, banded, label, legend_below, panels
 from lightfield.studies.link.study import Link
 from lightfield.studies.link.text import (
     HEAD,
@@ -22,7 +22,6 @@ from lightfield.studies.link.text import (
 )
 from lightfield.studies.working_range.text import UNTOLD
 
-DASH = (0, (5, 2))
 #: Below this many errors per bit a figure shows none.
 LEAST_BER = 1e-12
 #: Bands of so many standard errors.
@@ -88,25 +87,13 @@ def arrival_figure(found: Link, narrow: bool = False) -> Figure:
         for k, name in enumerate(str(n) for n in data.water.values):
             shade, power = SERIES[k % len(SERIES)], data.power_w.values[k]
             error = SIGMAS * data.power_stderr_w.values[k]
-            left.fill_between(
-                z,
-                np.maximum(power - error, 1e-3 * power),
-                power + error,
-                color=shade,
-                alpha=0.25,
-                linewidth=0,
-            )
-            left.plot(z, power, color=shade, label=name)
+            banded(left, z, power, error, least=1e-3, color=shade, label=name)
             left.plot(z, data.power_formula_w.values[k], color=shade, linestyle=DASH)
             width = data.bandwidth_hz.values[k] / 1e6
             if np.isfinite(width).any():
                 known = np.isfinite(width)
                 spread = SIGMAS * data.bandwidth_stderr_hz.values[k] / 1e6
-                right.fill_between(
-                    z[known], np.maximum(width - spread, 1e-2 * width)[known], (width + spread)[known],
-                    color=shade, alpha=0.25, linewidth=0,
-                )  # fmt: skip
-                right.plot(z[known], width[known], color=shade, label=name)
+                banded(right, z[known], width[known], spread[known], least=1e-2, color=shade, label=name)
         left.set_yscale("log")
         top = float(data.power_w.max())
         left.set_ylim(1e-14 * top if top > 0 else None, 2 * top if top > 0 else None)

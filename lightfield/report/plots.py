@@ -17,6 +17,7 @@ from lightfield.render.picture import Picture, tone_mapped
 from lightfield.report.diagnosis.ladder import FAR_APART
 from lightfield.report.light_figures import light_map
 from lightfield.report.style import (
+    DASH,
     FORMULA,
     GOOD,
     GRID,
@@ -25,6 +26,7 @@ from lightfield.report.style import (
     SERIES,
     SHORT_UNITS,
     STYLE,
+    banded,
     label,
     percent_axis,
     plain_log_axis,
@@ -145,8 +147,7 @@ def plot_formula_error(ax: Axes | None, planes: Sequence[PlaneComparison]) -> Ax
             )
         known = np.isfinite(error) & np.isfinite(noise)
         r, error, noise = ring.r_m[known], error[known], noise[known]
-        ax.fill_between(r, error - noise, error + noise, color=shade, alpha=0.2, linewidth=0)
-        ax.plot(r, error, color=shade, label=f"z = {plane.z_m:g} m")
+        banded(ax, r, error, noise, alpha=0.2, color=shade, label=f"z = {plane.z_m:g} m")
     percent_axis(ax.yaxis)
     ax.legend()
     label(ax, "radius (m)", "formula / render \N{MINUS SIGN} 1", "Error of the formula")
@@ -206,7 +207,7 @@ def plot_lines(
     ax, number = axes_for(ax), -1
     for name, (value, stderr) in lines.items():
         number += name not in dashed
-        shade, style = SERIES[number % LINES], (0, (5, 2)) if name in dashed else "solid"
+        shade, style = SERIES[number % LINES], DASH if name in dashed else "solid"
         if stderr is not None:
             error = np.where(np.isfinite(stderr), stderr, 0)
             ax.fill_between(x, value - error, value + error, color=shade, alpha=0.25, linewidth=0)
@@ -247,7 +248,7 @@ def plot_bars(ax: Axes | None, names: Sequence[str], part: Array, words: tuple[s
     ax.bar(range(len(names)), known, color=RENDER)
     for k in np.flatnonzero(~np.isfinite(part)).tolist():
         ax.text(k, 1.1, "unknown", ha="center", va="bottom", color=MUTED, rotation=90)
-    ax.axhline(1, color=FORMULA, linestyle=(0, (5, 2)))
+    ax.axhline(1, color=FORMULA, linestyle=DASH)
     ax.set_yscale("log")
     ax.set_xticks(range(len(names)), list(names))
     label(ax, "", *words)

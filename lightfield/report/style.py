@@ -22,6 +22,7 @@ from matplotlib.image import imsave
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, PercentFormatter
 
+from lightfield.arrays import Array
 from lightfield.storage.files import atomic_path
 
 # One colour, one meaning, in every figure. No two are told apart by red against green alone: what is green is
@@ -51,6 +52,8 @@ SHORT_UNITS = {
     "W nm-1": "W/nm",
     "W sr-1 nm-1": "W/(sr nm)",
 }
+#: Of lines by the formula.
+DASH = (0, (5, 2))
 WIDTH = 10.0  # inches of a figure that fills the page
 NARROW = 4.3  # inches of a figure on a telephone
 PAGE_PIXELS = 1020
@@ -217,6 +220,30 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
     axes.set_ylabel(y)
     if title:
         axes.set_title(title)
+
+
+def banded(
+    axes: Axes,
+    x: Array,
+    value: Array,
+    error: Array,
+    *,
+    least: float = -np.inf,
+    alpha: float = 0.25,
+    **line: Any,
+) -> None:
+    """A curve in the band of its errors.
+
+    Parameters
+    ----------
+    least : float
+        The band ends below at this part of the value, so that a logarithmic axis can show it.
+    **line
+        Of the curve: colour, label, ...
+    """
+    low = value - error if np.isinf(least) else np.maximum(value - error, least * value)
+    axes.fill_between(x, low, value + error, color=line["color"], alpha=alpha, linewidth=0)
+    axes.plot(x, value, **line)
 
 
 def legend_below(fig: Figure, *of: Axes, columns: int = 4, title: str | None = None) -> None:

@@ -19,6 +19,7 @@ from lightfield.report.style import (
     SERIES,
     SHORT_UNITS,
     WIDTH,
+    banded,
     extent_of,
     figure,
     label,
@@ -225,9 +226,8 @@ def _first_of(data: xr.Dataset) -> list[str]:
 def _line(axis: Axes, data: xr.Dataset, along: str, name: str, colour: str, text: str) -> None:
     values, noise = _flat(data[name], along), SIGMAS * _flat(data[f"{name}_stderr"], along)
     x = data[along].values if data[along].dtype.kind in "fi" else np.arange(len(values))
-    axis.plot(x, values, color=colour, label=text, marker="o", markersize=3)
     spread = np.where(np.isfinite(noise), noise, 0)
-    axis.fill_between(x, values - spread, values + spread, color=colour, alpha=0.25, linewidth=0)
+    banded(axis, np.asarray(x, float), values, spread, color=colour, label=text, marker="o", markersize=3)
 
 
 def _flat(variable: xr.DataArray, *dims: str) -> np.ndarray:

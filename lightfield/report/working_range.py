@@ -10,11 +10,13 @@ from lightfield.report.page import page_figure
 from lightfield.report.sections import Section, Table, study_page
 from lightfield.report.style import (
     BAD,
+    DASH,
     DATA,
     FORMULA,
     MUTED,
     RENDER,
     SERIES,
+    banded,
     label,
     legend_below,
     panels,
@@ -35,7 +37,6 @@ from lightfield.studies.working_range.text import (
 
 #: Errors are drawn this many times as wide as one standard error.
 SIGMAS = 3.0
-DASH = (0, (5, 2))
 
 
 def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
@@ -44,8 +45,7 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         light, error = data.light.values, SIGMAS * data.light_stderr.values
         if found.traced:
-            left.fill_between(z, light - error, light + error, color=RENDER, alpha=0.3, linewidth=0)
-            left.plot(z, light, color=RENDER, label="with scattered light")
+            banded(left, z, light, error, alpha=0.3, color=RENDER, label="with scattered light")
         left.plot(z, data.formula.values, color=FORMULA, linestyle=DASH, label="formula, exp(−cz)")
         if found.readings is not None:
             r = found.readings
@@ -78,8 +78,7 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
         label(left, "z (m)", f"light over that at {found.reference_m:g} m", "On the axis")
         half, half_error = data.half_radius_m.values, SIGMAS * data.half_radius_stderr_m.values
         if found.traced:
-            right.fill_between(z, half - half_error, half + half_error, color=RENDER, alpha=0.3, linewidth=0)
-            right.plot(z, half, color=RENDER, label="with scattered light")
+            banded(right, z, half, half_error, alpha=0.3, color=RENDER, label="with scattered light")
         right.plot(z, data.half_radius_formula_m.values, color=FORMULA, linestyle=DASH, label="formula")
         if found.readings is not None and np.isfinite(found.readings.half_radius_m.values).any():
             r = found.readings
@@ -104,9 +103,7 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
             ):
                 sigma = data[f"sigma_{name}{suffix}_{unit}"].values
                 error = SIGMAS * data[f"sigma_{name}{suffix}_stderr_{unit}"].values
-                low, high = np.maximum(sigma - error, 1e-2 * sigma), sigma + error
-                axis.fill_between(z, low, high, color=shade, alpha=0.3, linewidth=0)
-                axis.plot(z, sigma, color=shade, label=words)
+                banded(axis, z, sigma, error, least=1e-2, alpha=0.3, color=shade, label=words)
                 if found.traced:
                     by_formula = data[f"sigma_{name}{suffix}_formula_{unit}"].values
                     axis.plot(z, by_formula, color=shade, linestyle=DASH, alpha=0.7)

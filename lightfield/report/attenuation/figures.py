@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from lightfield.arrays import evenly
 from lightfield.report.style import (
     BAD,
+    DASH,
     DATA,
     FORMULA,
     MUTED,
     RENDER,
     SERIES,
+    banded,
     label,
     legend_under,
     panels,
@@ -38,8 +42,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
     marker = "o" if len(colour) < 30 else ""
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         value, error = one.percent()
-        left.fill_between(colour, value - error, value + error, color=RENDER, alpha=0.25, linewidth=0)
-        left.plot(colour, value, color=RENDER, marker=marker, markersize=4)
+        banded(left, colour, value, error, color=RENDER, marker=marker, markersize=4)
         if len(colour) == 1:
             left.errorbar(colour, value, error, color=RENDER, marker="o", capsize=3)
         least = int(np.argmin(value))
@@ -68,8 +71,8 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
         for k, d in enumerate(distances[evenly(len(distances), LINES)]):
             value, error = one.percent(float(d))
             shade = SERIES[k % len(SERIES)]
-            right.fill_between(colour, value - error, value + error, color=shade, alpha=0.2, linewidth=0)
-            right.plot(colour, value, color=shade, marker=marker, markersize=3, label=f"{d:.3g} m")
+            drawn: dict[str, Any] = {"marker": marker, "markersize": 3, "label": f"{d:.3g} m"}
+            banded(right, colour, value, error, alpha=0.2, color=shade, **drawn)
         legend_under(right, columns=3, title="distance")
         label(right, "wavelength (nm)", "% lost", "… and over each distance")
     return fig
@@ -115,21 +118,14 @@ def hidden_figure(one: Apparent, found: Scattered, content: Content | None, narr
     """Left: K between a and c. Right: the line of a and b that the readings allow at the clearest colour."""
     colour, k = found.wavelength_nm, int(np.argmin(found.combined))
     with panels(2, 4.0, narrow=narrow) as (fig, (left, right)):
-        left.fill_between(
-            colour,
-            one.K_per_m - one.K_stderr,
-            one.K_per_m + one.K_stderr,
-            color=DATA,
-            alpha=0.25,
-            linewidth=0,
-        )
-        left.plot(colour, one.K_per_m, color=DATA, marker="o", markersize=3, label="K, as measured")
+        drawn: dict[str, Any] = {"marker": "o", "markersize": 3, "label": "K, as measured"}
+        banded(left, colour, one.K_per_m, one.K_stderr, color=DATA, **drawn)
         if content is not None and content.traced is not None:
             water = content.traced.water
             seen = one.ratios.seen
             a, b = ((seen.share * v).sum(axis=1) for v in seen.coefficients(water))
             left.plot(colour, a, color=RENDER, label="a of the best constituents")
-            left.plot(colour, a + b, color=FORMULA, linestyle=(0, (5, 2)), label="c = a + b")
+            left.plot(colour, a + b, color=FORMULA, linestyle=DASH, label="c = a + b")
             left.fill_between(colour, a, a + b, color=FORMULA, alpha=0.08, linewidth=0)
         if found.told.any():
             at = found.told
@@ -148,11 +144,9 @@ def hidden_figure(one: Apparent, found: Scattered, content: Content | None, narr
         label(left, "wavelength (nm)", "1/m", "K is neither a nor c")
         b = np.linspace(0.0, min(found.largest_b, 1.1 * found.combined[k] / found.kappa[k]), 50)
         line, error = found.combined[k] - found.kappa[k] * b, found.combined_stderr[k]
-        right.fill_between(b, line - error, line + error, color=RENDER, alpha=0.25, linewidth=0)
-        right.plot(b, line, color=RENDER, label=f"a + {found.kappa[k]:.2f} b, as told at {colour[k]:g} nm")
-        right.plot(
-            b, one.K_per_m[k] - b, color=FORMULA, linestyle=(0, (5, 2)), label="a + b = K (Beer-Lambert)"
-        )
+        told = f"a + {found.kappa[k]:.2f} b, as told at {colour[k]:g} nm"
+        banded(right, b, line, error, color=RENDER, label=told)
+        right.plot(b, one.K_per_m[k] - b, color=FORMULA, linestyle=DASH, label="a + b = K (Beer-Lambert)")
         if found.told[k]:
             right.errorbar(
                 found.b[k], found.a[k], found.a_stderr[k], found.b_stderr[k], color=DATA, fmt="o", capsize=3,

@@ -13,6 +13,7 @@ from matplotlib.image import AxesImage
 
 from lightfield.arrays import Array, evenly
 from lightfield.report.style import (
+    DASH,
     FORMULA,
     GRID,
     INK,
@@ -21,6 +22,7 @@ from lightfield.report.style import (
     RENDER,
     SHORT_UNITS,
     WIDTH,
+    banded,
     extent_of,
     figure,
     label,
@@ -153,9 +155,7 @@ def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fi
                 linewidth=0,
             )
             upper.plot(profile.r_m, profile.render / scale, color=RENDER, label="render")
-            upper.plot(
-                profile.r_m, profile.formula / scale, color=FORMULA, linestyle=(0, (5, 2)), label="formula"
-            )
+            upper.plot(profile.r_m, profile.formula / scale, color=FORMULA, linestyle=DASH, label="formula")
             upper.set_yscale("log")
             upper.set_ylim(1e-3, 1.6)
             upper.set_title(f"z = {plane.z_m:g} m")
@@ -195,9 +195,7 @@ def _on_axis(axis: Axes, z: Array, planes: Sequence[PlaneComparison]) -> None:
     axis.errorbar(
         z, render / unit, SIGMAS * stderr / unit, color=RENDER, marker="o", markersize=4, label="render"
     )
-    axis.plot(
-        z, formula / unit, color=FORMULA, linestyle=(0, (5, 2)), marker="s", markersize=4, label="formula"
-    )
+    axis.plot(z, formula / unit, color=FORMULA, linestyle=DASH, marker="s", markersize=4, label="formula")
     axis.set_yscale("log")
     axis.legend(loc="lower left")
     label(axis, "z (m)", "% of the render at the first plane", "On the axis")
@@ -208,7 +206,7 @@ def _half_widths(axis: Axes, z: Array, planes: Sequence[PlaneComparison]) -> Non
     """Half widths of the spot along x, and along y where these differ."""
     for name, spots, colour, dash in (
         ("render", [p.render_spot for p in planes], RENDER, "solid"),
-        ("formula", [p.formula_spot for p in planes], FORMULA, (0, (5, 2))),
+        ("formula", [p.formula_spot for p in planes], FORMULA, DASH),
     ):
         along_x = np.array([spot.hwhm_x_m for spot in spots])
         along_y = np.array([spot.hwhm_y_m for spot in spots])
@@ -243,8 +241,7 @@ def error_band(axis: Axes, x: np.ndarray, error: np.ndarray, noise: np.ndarray) 
     for level, alpha in zip(reversed(ERROR_LEVELS), (0.45, 0.8), strict=True):
         axis.axhspan(-level, level, color=GRID, alpha=alpha, linewidth=0)
     axis.axhline(0, color=MUTED, linewidth=0.8)
-    axis.fill_between(x, error - noise, error + noise, color=FORMULA, alpha=0.25, linewidth=0)
-    axis.plot(x, error, color=FORMULA)
+    banded(axis, x, error, noise, color=FORMULA)
     axis.grid(False, axis="y")
     percent_axis(axis.yaxis)
 

@@ -10,10 +10,20 @@ from matplotlib.figure import Figure
 from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.speech import UNITS
 from lightfield.fitting.fitted_curves import PLACES, FittedCurve
-from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH, figure, label, percent_axis
+from lightfield.report.style import (
+    DASH,
+    DATA,
+    FORMULA,
+    MUTED,
+    NARROW,
+    RENDER,
+    WIDTH,
+    figure,
+    label,
+    percent_axis,
+)
 from lightfield.wording import plain
 
-DASHED = (0, (5, 2))
 #: Bands are drawn so wide, in standard errors.
 BAND = 2.0
 #: Local unknowns that are drawn beside each other, and how far their bands, over the farthest departure.
@@ -41,7 +51,7 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
             upper.fill_between(
                 curve.at, curve.value - wide, curve.value + wide, color=RENDER, alpha=0.25, linewidth=0
             )
-            upper.plot(curve.at, curve.without, color=FORMULA, linestyle=DASHED, label="without the curve")
+            upper.plot(curve.at, curve.without, color=FORMULA, linestyle=DASH, label="without the curve")
             marker = "o" if len(curve.at) < PLACES else ""  # of planes: between them there is nothing
             upper.plot(curve.at, curve.value, color=RENDER, marker=marker, label="fitted curve")
             upper.set_ylabel(curve.quantity)

@@ -16,33 +16,33 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from lightfield.arrays import Array, evenly
 from lightfield.report.diagnosis.view import DiagnosisView, Group, ReadingsView
 from lightfield.report.style import (
+    DASH,
     DATA,
     FORMULA,
     GRID,
     MUTED,
+    NARROW,
     RENDER,
     SERIES,
     WIDTH,
+    banded,
     figure,
     label,
 )
 from lightfield.wording import minus, plain
 
 MOST_PANELS, MOST_NARROW = 5, 3
-#: Inches of a figure on a telephone: its letters are those of the page there.
-NARROW = 4.3
 #: Readings that span more than this are drawn over decades, and of decades no more than these.
 LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
 AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
-DASHED = (0, (5, 2))
 #: Misfits are drawn linear within the first, and over decades beyond where they reach the second, in sigma.
 NOISE_SIGMA, FAR_SIGMA = 3.0, 15.0
 #: Where decades of misfit are labelled, of either sign.
 _DECADES = (0, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 #: Explanations whose signatures are drawn.
 _MOST_SIGNATURES = 4
-STYLES, MARKS = ("solid", DASHED, "dotted", "dashdot"), ("s", "^", "D", "v")
+STYLES, MARKS = ("solid", DASH, "dotted", "dashdot"), ("s", "^", "D", "v")
 # Without its darkest ends: they would vanish on a dark page.
 RED_BLUE = ListedColormap(colormaps["RdBu_r"](np.linspace(0.13, 0.87, 256)))
 
@@ -87,10 +87,9 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
     unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
     value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
     base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-    upper.plot(at, base, color=FORMULA, linestyle=DASHED, label=view.predictions[0].name)
+    upper.plot(at, base, color=FORMULA, linestyle=DASH, label=view.predictions[0].name)
     if len(view.predictions) > 1:
-        upper.fill_between(at, best - sigma, best + sigma, color=RENDER, alpha=0.2, linewidth=0)
-        upper.plot(at, best, color=RENDER, label=view.predictions[-1].name)
+        banded(upper, at, best, sigma, alpha=0.2, color=RENDER, label=view.predictions[-1].name)
     upper.errorbar(
         at[~out], value[~out], sigma[~out], fmt="o", color=DATA, markersize=3, linewidth=0.9, label="readings"
     )

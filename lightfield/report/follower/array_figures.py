@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from lightfield.report.style import (
     BAD,
+    DASH,
     GOOD,
     INK,
     MUTED,
@@ -62,7 +63,7 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
                     fontsize=8,
                     rotation=90,
                 )
-        bars.axhline(1, color=BAD, linestyle=(0, (5, 2)))
+        bars.axhline(1, color=BAD, linestyle=DASH)
         bars.annotate(
             "what docking allows", (0, 1), (4, 3), xycoords=("axes fraction", "data"), color=BAD, fontsize=9,
             textcoords="offset points", bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1},

@@ -19,6 +19,7 @@ from lightfield.report.style import (
     RENDER,
     SERIES,
     WIDTH,
+    banded,
     figure,
     label,
     panels,
@@ -116,10 +117,7 @@ def sequence_figure(poses: Poses, narrow: bool = False) -> Figure:
             if poses.tracked is not None:
                 way = np.array([one.pose[at[k]] for one in poses.tracked])
                 wide = SIGMAS * np.sqrt([one.total[k, k] for one in poses.tracked])
-                panel.fill_between(
-                    t, factor * (way - wide), factor * (way + wide), color=RENDER, alpha=0.2, linewidth=0
-                )
-                panel.plot(t, factor * way, color=RENDER, label="filter")
+                banded(panel, t, factor * way, factor * wide, alpha=0.2, color=RENDER, label="filter")
             for one, moment in zip(poses.estimates, t, strict=True):
                 if one.lost:
                     panel.axvline(moment, color=BAD, alpha=0.3)
