@@ -7,8 +7,7 @@ as a sweep like any other.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -33,19 +32,6 @@ DISTANCE_M, CELL_M = 5.0, 0.1
 #: A lamp on the axis along which it is asked about.
 AIMED = dict.fromkeys(("offset_x_m", "offset_y_m", "tilt_x_deg", "tilt_y_deg"), 0.0)
 RECEIVER = "receiver"
-
-
-@dataclass(frozen=True)
-class AxisPoint:
-    """Render and formula on the axis, in any common unit."""
-
-    render: float
-    stderr: float
-    formula: float
-
-
-# (optical depth c z, albedo b / c, name of the receiver) -> AxisPoint
-Evaluate = Callable[[float, float, str], AxisPoint]
 
 
 def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
@@ -87,56 +73,45 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
 
 def regime_of(store: xr.Dataset) -> xr.Dataset:
     """The regime map of a store that `regime_plan` was run into; see `regime_map`."""
-    names, quantity = list(RECEIVERS), store.attrs["quantity"]
+    quantity = store.attrs["quantity"]
     on_axis = store.isel(wavelength_nm=0, z_m=0).transpose(RECEIVER, ALBEDO, ATTENUATION, ...)
-    values = [
-        np.asarray(on_axis[name].values, float)
-        for name in (f"on_axis_{quantity}", f"on_axis_{quantity}_stderr", "formula_error_on_axis")
-    ]
-
-    def point(depth: float, albedo: float, receiver: str) -> AxisPoint:
-        at = (names.index(receiver), ALBEDOS.index(albedo), OPTICAL_DEPTHS.index(depth))
-        mean, noise, wrong = (float(part[at]) for part in values)
-        return AxisPoint(mean, noise, mean * (1 + wrong))
-
-    return regime_map(point)
+    names = (f"on_axis_{quantity}", f"on_axis_{quantity}_stderr", "formula_error_on_axis")
+    render, stderr, error = (np.asarray(on_axis[name].values, float) for name in names)
+    return regime_map(render, stderr, error)
 
 
 def regime_map(
-    evaluate: Evaluate,
+    render: Array,
+    stderr: Array,
+    error: Array,
     optical_depths: Sequence[float] = OPTICAL_DEPTHS,
     albedos: Sequence[float] = ALBEDOS,
     receivers: Sequence[str] = tuple(RECEIVERS),
 ) -> xr.Dataset:
-    """Relative error of the formula over a grid.
+    """Relative error of the formula over a grid, known where anything was rendered.
 
     Parameters
     ----------
-    evaluate : callable
-        (optical depth, albedo, receiver) to a `AxisPoint`.
+    render, stderr : arrays, shape (n_receivers, n_albedos, n_depths)
+        On the axis, with the Monte Carlo standard error, in any unit.
+    error : array of that shape
+        formula / render - 1.
     optical_depths, albedos : sequence of float
         c z and b / c.
-    receivers : sequence of str
 
     Returns
     -------
     xarray.Dataset
         `formula_error` and `formula_error_stderr`, dimensions (receiver, albedo, optical_depth).
     """
-    shape = (len(receivers), len(albedos), len(optical_depths))
-    error, stderr = np.full(shape, np.nan), np.full(shape, np.nan)
-    for i, receiver in enumerate(receivers):
-        for j, albedo in enumerate(albedos):
-            for k, depth in enumerate(optical_depths):
-                point = evaluate(depth, albedo, receiver)
-                if point.render > 0:
-                    ratio = point.formula / point.render
-                    error[i, j, k], stderr[i, j, k] = ratio - 1, ratio * point.stderr / point.render
+    lit = render > 0
+    noise = np.divide((1 + error) * stderr, render, out=np.full(render.shape, np.nan), where=lit)
     dims = ("receiver", "albedo", "optical_depth")
+    about = {"units": "1", "long_name": "formula / render - 1 on the axis"}
     return xr.Dataset(
         {
-            "formula_error": (dims, error, {"units": "1", "long_name": "formula / render - 1 on the axis"}),
-            "formula_error_stderr": (dims, stderr, {"units": "1", "long_name": "Monte Carlo standard error"}),
+            "formula_error": (dims, np.where(lit, error, np.nan), about),
+            "formula_error_stderr": (dims, noise, {"units": "1", "long_name": "Monte Carlo standard error"}),
         },
         coords={
             "receiver": list(receivers),

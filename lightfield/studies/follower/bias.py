@@ -292,7 +292,7 @@ def _data(found: xr.Dataset) -> dict[str, Any]:
 
 def bias_study(
     scene: Scene,
-    space: Space | None = None,
+    space: Space,
     scattering_per_m: Sequence[float] = SCATTERING_PER_M,
     *,
     photons: float = FIELD_PHOTONS,
@@ -323,7 +323,6 @@ def bias_study(
         scene, found="bias over scattering",
         rule="the bias is asked for over water.scattering_per_m, the only scattering",
     )  # fmt: skip
-    space = Space.of_scene(scene) if space is None else space
     z = np.linspace(space.near_m, space.far_m, 3)
     poses = poses_on_axis(scene.lamp, z)
     wide = replace(space, half_width_m=max(space.half_width_m, float(np.abs(poses[:, :2]).max())))

@@ -21,11 +21,10 @@ from lightfield.scene.lamp.frame import axis_at
 from lightfield.studies.follower.elements import Elements
 
 POSE = ("x", "y", "z", "yaw", "pitch", "roll")
-Frame = Literal["tank", "vehicle", "ros", "enu"]
+Frame = Literal["vehicle", "ros"]
 #: Rows: axes of a frame in the tank's coordinates. Vehicle: forward, starboard, down. ROS (REP 103): forward,
 #: left, up; forward looks along -z, at the lamp.
-AXES = {
-    "tank": np.eye(3),
+AXES: dict[Frame, Array] = {
     "vehicle": np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
     "ros": np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
 }
@@ -105,46 +104,17 @@ class FramedPose:
 
     @property
     def quaternion(self) -> Array:
-        """(x, y, z, w), w >= 0, as ROS has it (Shepperd 1978, J. Guid. Control 1, 223)."""
-        m = self.rotation
-        squares = np.array([1 + 2 * m[k, k] - np.trace(m) for k in range(3)] + [1 + np.trace(m)])
-        off = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]])
-        q = np.zeros(4)
-        k = int(squares.argmax())
-        q[k] = 0.5 * np.sqrt(squares[k])
-        if k == 3:
-            q[:3] = off / (4 * q[3])
-        else:
-            for j in range(3):
-                if j != k:
-                    q[j] = (m[j, k] + m[k, j]) / (4 * q[k])
-            q[3] = off[k] / (4 * q[k])
-        return q if q[3] >= 0 else -q
+        """(x, y, z, w), w >= 0, as ROS has it."""
+        from scipy.spatial.transform import Rotation
+
+        return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True))
 
 
-def in_frame(pose: Array, frame: Frame, heading_deg: float = 0.0) -> FramedPose:
-    """A pose in the frame of vehicles (forward, starboard, down), of ROS (forward, left, up), or of maps.
-
-    Parameters
-    ----------
-    pose : array, shape (6,), m and rad
-    frame : Frame
-        In "enu" (east, north, up; REP 103 and REP 105, map) the follower's own axes are forward, left, up.
-    heading_deg : float, degrees
-        Compass heading of the beam, clockwise from north; only "enu" asks for it.
-    """
-    turn = rotations(pose[3:])
-    if frame == "enu":
-        axes = east_north_up(heading_deg)
-        return FramedPose(axes @ pose[:3], axes @ turn @ AXES["ros"].T)
+def in_frame(pose: Array, frame: Frame) -> FramedPose:
+    """A pose, shape (6,), m and rad, in the frame of vehicles (forward, starboard, down) or of ROS (forward,
+    left, up)."""
     axes = AXES[frame]
-    return FramedPose(axes @ pose[:3], axes @ turn @ axes.T)
-
-
-def east_north_up(heading_deg: float) -> Array:
-    """Rows: east, north and up in the tank's coordinates, of a level beam of this compass heading."""
-    sine, cosine = np.sin(np.radians(heading_deg)), np.cos(np.radians(heading_deg))
-    return np.array([[-cosine, 0.0, sine], [sine, 0.0, cosine], [0.0, 1.0, 0.0]])
+    return FramedPose(axes @ pose[:3], axes @ rotations(pose[3:]) @ axes.T)
 
 
 def lamp_seen(pose: Array) -> FramedPose:

@@ -19,7 +19,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.frames import POSE, UNKNOWN_VARIANCE, in_degrees, in_frame
+from lightfield.studies.follower.frames import AXES, POSE, UNKNOWN_VARIANCE, in_degrees, in_frame
 from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
 from lightfield.studies.follower.rival_poses import RivalPose, nearest_alike, others
@@ -93,7 +93,7 @@ class PoseEstimate:
     def as_data(self) -> dict[str, Any]:
         if self.lost or self.total is None:
             return {"status": self.status}
-        frames = {frame: in_frame(self.pose, frame) for frame in ("vehicle", "ros")}
+        frames = {frame: in_frame(self.pose, frame) for frame in AXES}
         return {
             "status": self.status,
             **self.total.as_data(),

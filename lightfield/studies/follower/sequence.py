@@ -185,7 +185,7 @@ class Poses:
 def poses_of(
     path: str | os.PathLike[str],
     scene: Scene,
-    space: Space | None = None,
+    space: Space,
     *,
     filtered: bool = False,
     photons: float = FIELD_PHOTONS,
@@ -199,8 +199,8 @@ def poses_of(
         See `table.read_samples`.
     scene : Scene
         With an array.
-    space : Space, optional
-        Where the follower may be; by default as far as the detector's planes.
+    space : Space
+        Formation space: where the follower may be.
     filtered : bool
         Let the filter go over them, too.
     photons : float
@@ -214,7 +214,6 @@ def poses_of(
     array = array_of(scene)
     elements = elements_of(array)
     samples = read_samples(path, len(elements), array.sample_hz)
-    space = Space.of_scene(scene) if space is None else space
     estimator = Estimator.of_scene(scene, light_of(scene, space, elements, photons=photons, seed=seed), space)
     readings = samples.readings / array.gain
     tracked = None

@@ -125,17 +125,15 @@ def array_of(scene: Scene) -> DetectorArray:
     return scene.array
 
 
-def survey(
-    scene: Scene, space: Space | None = None, *, photons: float = FIELD_PHOTONS, seed: int = 0
-) -> Survey:
+def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: int = 0) -> Survey:
     """What the array of a scene can know of its pose.
 
     Parameters
     ----------
     scene : Scene
         With an array.
-    space : Space, optional
-        Formation space; by default as far as the detector's planes.
+    space : Space
+        Formation space: where the follower may be.
     photons : float
         Of the trace; zero: the formula, without scattered light.
 
@@ -147,7 +145,6 @@ def survey(
         A space that is not in the water.
     """
     elements = elements_of(array_of(scene))
-    space = Space.of_scene(scene) if space is None else space
     refuse_walls(scene, space, elements)
     names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank))
     light = light_of(scene, space.with_pose(pose), elements, photons=photons, seed=seed)

@@ -9,7 +9,8 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
-from lightfield.storage.inputs import READINGS, read_bytes
+from lightfield.storage.inputs import READINGS
+from lightfield.storage.tables import header_and_rows
 
 TIME = "time_s"
 
@@ -47,14 +48,7 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
         Not such a table: all bad lines at once.
     """
     where = os.fspath(path)
-    try:
-        lines = read_bytes(path, READINGS).decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise MeasurementError("not a text file", where=where, rule="a UTF-8 CSV file") from error
-    told = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
-    separator = max(",;\t", key=told[0][1].count) if told else ","
-    rows = [(k, line.split(separator)) for k, line in told]
-    header = [name.strip() for name in rows[0][1]] if rows else []
+    header, rows = header_and_rows(where, READINGS)
     wanted = [f"e{k + 1}" for k in range(elements)]
     missing = [name for name in wanted if name not in header]
     if missing or len(set(header)) < len(header):
@@ -70,7 +64,7 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
     columns = [header.index(name) for name in ([TIME] if timed else []) + wanted]
     problems: list[str] = []
     values: list[list[float]] = []
-    for number, cells in rows[1:]:
+    for number, cells in rows:
         try:
             row = [float(cells[k].replace(",", ".")) for k in columns]
         except (ValueError, IndexError):

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import brentq
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
@@ -33,7 +33,7 @@ from lightfield.studies.light_at import FARTHEST_M, refuse_dark
 from lightfield.studies.link.arrival import Colours, along_axis
 from lightfield.studies.link.receiver import SEEN_SNR, Receiver
 from lightfield.studies.regime import AIMED
-from lightfield.studies.working_range.reaches import Reach, docking_reach
+from lightfield.studies.working_range.reaches import Reach, docking_reach, last_place
 
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
 WATERS = {"clear": (0.05, 0.05), "turbid": (0.05, 0.30)}
@@ -198,7 +198,7 @@ def _reach(data: xr.Dataset, receiver: Receiver, docking: Reach) -> Reaches:
     need, relative = receiver.needed_q, data.power_stderr_w.values / power
 
     def last(ratio: Array) -> float:
-        return _last(z, ratio)
+        return last_place(partial(np.interp, xp=z, fp=np.log(np.maximum(ratio, 1e-300))), 0.0, z)
 
     data_m, seen_m = last(receiver.q(power) / need), last(receiver.seen_snr(power) / SEEN_SNR)
     slope = np.abs(np.gradient(np.log(power), z))
@@ -211,15 +211,3 @@ def _reach(data: xr.Dataset, receiver: Receiver, docking: Reach) -> Reaches:
         last(receiver.q(power, data.eye.values) / need),
         seen_m, errors[1], last(receiver.seen_snr(formula) / SEEN_SNR), docking,
     )  # fmt: skip
-
-
-def _last(z: Array, ratio: Array) -> float:
-    """Where a ratio first falls below 1; infinite if never, NaN if it never was above."""
-    beyond = np.flatnonzero(~(ratio >= 1))
-    if not beyond.size:
-        return float("inf")
-    k = int(beyond[0])
-    if k == 0:
-        return float("nan")
-    log = np.log(np.maximum(ratio, 1e-300))
-    return float(brentq(lambda at: np.interp(at, z, log), z[k - 1], z[k]))

@@ -30,7 +30,7 @@ ROUND = {"count": [3, 3], "size_m": 0.26, "radius_m": 0.19}
 
 
 def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
-    html = survey_page(survey(SCENE, photons=0))
+    html = survey_page(survey(SCENE, Space.of_scene(SCENE), photons=0))
     assert "2 elements know where they are well enough to dock nowhere" in html and "blind to" in html
     assert "two &lt;diodes&gt;" in html
     # Each of the two figures once more with one panel a row, for a telephone.
@@ -40,11 +40,11 @@ def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("undrawn")
 def test_a_comparison_names_the_best(tmp_path: Path) -> None:
     good = Scene.from_dict({**SCENE.to_dict(), "name": "good", "array": ROUND})
-    html = arrays_page(compare_arrays(good, {"two": SCENE}, photons=0))
+    html = arrays_page(compare_arrays(good, {"two": SCENE}, Space.of_scene(good), photons=0))
     assert "9 elements (good) know the pose" in html
     with pytest.raises(UsageError, match="at least 5, one for each of x, y, z, yaw, pitch"):
-        optimise_array(good, 4, Mounting(0.3), photons=0)
-    found = optimise_array(good, 6, Mounting(0.3), photons=0)
+        optimise_array(good, 4, Mounting(0.3), space=Space.of_scene(good), photons=0)
+    found = optimise_array(good, 6, Mounting(0.3), space=Space.of_scene(good), photons=0)
     assert found.arrays[0].name == "the best found"
     assert "Elements of the best found" in arrays_page(found)
 

@@ -82,6 +82,7 @@ def test_more_than_fit_are_refused() -> None:
 def test_arrays_of_scenes_are_sorted() -> None:
     flat = SCENE.to_dict() | {"name": "flat", "array": {"size_m": 0.6}}
     round_ = SCENE.to_dict() | {"array": {"size_m": 0.26, "radius_m": 0.19}}
-    found = compare_arrays(Scene.from_dict(flat), {"round": Scene.from_dict(round_)}, photons=0)
+    scene, other = Scene.from_dict(flat), Scene.from_dict(round_)
+    found = compare_arrays(scene, {"round": other}, Space.of_scene(scene), photons=0)
     assert [one.name for one in found.arrays] == ["round", "flat"]
     assert found.as_data()["arrays"][1]["elements"] == 25 and "flat" in found.as_text()

@@ -88,27 +88,6 @@ def test_a_scene_without_a_follower_has_one_on_the_axis() -> None:
     np.testing.assert_allclose(pose_of(Follower(yaw_deg=90.0))[3], np.pi / 2)
 
 
-def test_east_north_up_of_a_beam_by_its_compass_heading() -> None:
-    """To the north-east 6 m along are 4.24 m east and north; 1 m to +x, left of it, is to the north-west."""
-    found = in_frame(np.array([1.0, 2.0, 6.0, 0, 0, 0]), "enu", heading_deg=45.0)
-    root = np.sqrt(0.5)
-    np.testing.assert_allclose(found.position_m, [6 * root - root, 6 * root + root, 2.0], atol=1e-12)
-    # It looks back at the lamp, to the south-west, with its head up.
-    np.testing.assert_allclose(found.rotation[:, 0], [-root, -root, 0], atol=1e-12)
-    np.testing.assert_allclose(found.rotation[:, 2], [0, 0, 1], atol=1e-12)
-
-
-@pytest.mark.parametrize("heading", [0.0, 90.0, 213.0])
-def test_frames_are_right_handed_and_turn_into_each_other(heading: float) -> None:
-    """Of ROS and of maps: the same vehicle, the second turned about up by what lies between their x axes."""
-    pose = np.array([0.3, -0.2, 6.5, 0.4, -0.3, 0.2])
-    ros, enu = in_frame(pose, "ros"), in_frame(pose, "enu", heading)
-    between = Rotation.from_euler("z", -90 - heading, degrees=True)  # REP 103 forward, -z, in the map
-    np.testing.assert_allclose(enu.position_m, between.apply(ros.position_m), atol=1e-12)
-    np.testing.assert_allclose(enu.rotation, between.as_matrix() @ ros.rotation, atol=1e-12)
-    assert np.linalg.det(enu.rotation) == pytest.approx(1.0)
-
-
 def test_the_lamp_seen_is_the_inverse_of_the_pose() -> None:
     """The follower in the lamp's frame (along the beam, left of it, up) is the lamp's own inverse."""
     pose = np.array([0.3, -0.2, 6.5, 0.2, -0.1, 0.3])

@@ -8,7 +8,9 @@ from lightfield.report.regime import percent_text, regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
 from lightfield.studies.regime import (
-    AxisPoint,
+    ALBEDOS,
+    OPTICAL_DEPTHS,
+    RECEIVERS,
     as_text,
     depth_within,
     regime_map,
@@ -19,14 +21,23 @@ from lightfield.studies.regime import (
 from lightfield.sweep.sweep_plan import SweepSettings
 
 
-def lossless_scattering(depth, albedo, receiver):
+def lossless_scattering(depths=OPTICAL_DEPTHS, albedos=ALBEDOS, receivers=tuple(RECEIVERS)):
     """All light scattered is seen (irradiance) or a tenth of it (collimator): K = a, or K = a + 0.9 b."""
-    seen = 1.0 if receiver == "irradiance" else 0.1
-    return AxisPoint(np.exp(-depth * (1 - seen * albedo)), 1e-6, np.exp(-depth))
+    seen = np.array([1.0 if receiver == "irradiance" else 0.1 for receiver in receivers])
+    depth, albedo = np.array(depths), np.array(albedos)[:, None]
+    render = np.exp(-depth * (1 - seen[:, None, None] * albedo))
+    error = np.exp(-depth) / render - 1
+    return regime_map(render, np.full(render.shape, 1e-6), error, depths, albedos, receivers)
+
+
+def at_one_point(render, stderr, error):
+    """A map of one point."""
+    values = (np.full((1, 1, 1), value) for value in (render, stderr, error))
+    return regime_map(*values, [1.0], [0.5], ["irradiance"])
 
 
 def test_error_is_that_of_the_wrong_exponent():
-    found = regime_map(lossless_scattering)
+    found = lossless_scattering()
     assert found.formula_error.dims == ("receiver", "albedo", "optical_depth")
     at = found.formula_error.sel(receiver="irradiance", albedo=0.8, optical_depth=2.0)
     assert float(at) == pytest.approx(np.exp(-1.6) - 1)
@@ -37,7 +48,7 @@ def test_what_was_not_rendered_is_unknown():
     """Nothing at all, from the first point on, or beyond points that the formula agrees with."""
 
     def reach(*errors):
-        found = regime_map(lossless_scattering, [0.1, 0.2, 0.5], [0.5], ["x"])
+        found = lossless_scattering([0.1, 0.2, 0.5], [0.5], ["x"])
         found.formula_error[0, 0] = np.array(errors)
         return rows(found)[0][2]
 
@@ -76,16 +87,16 @@ def test_reach_is_where_the_error_crosses_the_level():
 
 
 def test_noise_leaves_points_open_and_the_map_says_so():
-    found = regime_map(lambda d, a, r: AxisPoint(1.0, 0.01, 0.94), [1.0], [0.5], ["irradiance"])
+    found = at_one_point(1.0, 0.01, -0.06)
     assert undecided(found.formula_error.values, found.formula_error_stderr.values).all(), (
         "6 % off with a noise of 1 %: within 5 % or not is open"
     )
-    sure = regime_map(lambda d, a, r: AxisPoint(1.0, 0.001, 0.94), [1.0], [0.5], ["irradiance"])
+    sure = at_one_point(1.0, 0.001, -0.06)
     assert not undecided(sure.formula_error.values, sure.formula_error_stderr.values).any()
 
 
 def test_table_and_verdict():
-    found = regime_map(lossless_scattering)
+    found = lossless_scattering()
     table = {(row[0], row[1]): row[2:] for row in rows(found)}
     assert table["irradiance", "0"] == ["> 20", "> 20", "> 20"]
     assert float(table["2 degree collimator", "0.8"][2]) > 5 * float(table["irradiance", "0.8"][2])
@@ -93,12 +104,12 @@ def test_table_and_verdict():
 
 
 def test_nothing_rendered_is_unknown_not_zero():
-    found = regime_map(lambda d, a, r: AxisPoint(0.0, 0.0, 1.0), [1.0], [0.5], ["irradiance"])
+    found = at_one_point(0.0, 0.0, np.nan)
     assert np.isnan(found.formula_error.values).all()
 
 
 def test_figure_is_drawn(tmp_path):
-    found = regime_map(lossless_scattering)
+    found = lossless_scattering()
     assert save_png(regime_figure(found), tmp_path / "regime.png").stat().st_size > 10_000
     telephone = regime_figure(found, narrow=True)
     assert telephone.get_figwidth() < 5

@@ -186,7 +186,7 @@ def setting_of(
 def compare_arrays(
     scene: Scene,
     others: Mapping[str, Scene],
-    space: Space | None = None,
+    space: Space,
     task: Task = "formation",
     *,
     photons: float = FIELD_PHOTONS,
@@ -207,7 +207,6 @@ def compare_arrays(
     arrays = {scene.name or "this array": elements_of(array_of(scene))}
     for name, other in others.items():
         arrays[name] = elements_of(array_of(other))
-    space = Space.of_scene(scene) if space is None else space
     widest = max(arrays.values(), key=lambda elements: elements.reach_m)
     setting = setting_of(scene, space, widest, task, photons=photons, seed=seed)
     found = sorted(

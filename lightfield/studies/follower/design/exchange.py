@@ -75,7 +75,7 @@ def optimise_array(
     room: Mounting,
     *,
     task: Task = "formation",
-    space: Space | None = None,
+    space: Space,
     photons: float = FIELD_PHOTONS,
     seed: int = 0,
 ) -> Arrays:
@@ -96,7 +96,6 @@ def optimise_array(
     UsageError
         So few cannot know a pose.
     """
-    space = Space.of_scene(scene) if space is None else space
     half = 0.5 * room.box_m
     corner = Elements(np.array([[half, half, 0.0]]), np.array([[0.0, 0.0, -1.0]]))
     own = elements_of(array_of(scene))
