@@ -74,8 +74,6 @@ class Hidden:
         What the experimenter knows.
     truth : mapping
         What was hidden, with all parameters.
-    noise_free : array, shape (n,)
-        Readings without noise.
     in_doubt : LightInDoubt, optional
         Where the render's own error is larger than the noise.
     """
@@ -83,7 +81,6 @@ class Hidden:
     readings: Readings
     believed: Scene
     truth: Mapping[str, Any]
-    noise_free: Array
     in_doubt: LightInDoubt | None = None
 
     def save(self, folder: str | Path) -> Path:
@@ -347,4 +344,4 @@ def hide(
         "light_in_doubt": None if doubt is None else doubt.as_data(),
         "seed": seed,
     }
-    return Hidden(instrument.stated(readings), scene, told, clean, doubt)
+    return Hidden(instrument.stated(readings), scene, told, doubt)

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Callable, Mapping
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -57,16 +58,6 @@ def residuals_csv(session: Session) -> str:
         ]
         writer.writerow([str(r.medium[k]), *row, int(e.problem.keep[k] > 0)])
     return out.getvalue()
-
-
-def report_html(session: Session) -> str | None:
-    """The report of the last diagnosis; None before there is one."""
-    return session.report
-
-
-def comparison_html(session: Session) -> str | None:
-    """The report of what was shown when it was asked for; None before."""
-    return session.comparison
 
 
 class _State(BaseModel):
@@ -149,12 +140,12 @@ def open_session(path: Path, diffuse: DiffuseSource | str | None = "trace") -> t
     return Session(scene, readings, diffuse, given.dense_per_m), history
 
 
-#: What can be asked for, by file name: its kind, and what makes it.
+#: What can be asked for, by file name: its kind, and what makes it; None where there is none yet.
 DOCUMENTS: Mapping[str, tuple[str, Callable[[Session], str | None]]] = {
     "scene.toml": ("application/toml", scene_toml),
     "residuals.csv": ("text/csv", residuals_csv),
     "session.json": ("application/json", session_json),
-    "report.html": ("text/html", report_html),
-    "comparison.html": ("text/html", comparison_html),
+    "report.html": ("text/html", attrgetter("report")),
+    "comparison.html": ("text/html", attrgetter("comparison")),
     "page.html": ("text/html", page_html),
 }

@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from lightfield.errors import Complaint, RuleError, SceneError
-from lightfield.scene.parameters import bounds
+from lightfield.scene.parameters import bounds, has_rule, parts_in
 
 RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
 #: Parts that a scene may lack, and what needs them.
@@ -105,7 +105,7 @@ def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel]
     for part in loc:
         if " " in str(part):  # which way a curve was written in: no key of the file
             continue
-        classes = list(dict.fromkeys(_classes(current)))
+        classes = list(dict.fromkeys(parts_in(current)))
         tagged = [c for c in classes if part in _tags(c)]
         if len(classes) > 1 and tagged:
             current = tagged[0]
@@ -116,12 +116,6 @@ def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel]
             field = owner.model_fields.get(str(part))
             current = field.annotation if field is not None else None
     return owner, keys
-
-
-def _classes(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [c for part in getattr(annotation, "__args__", ()) for c in _classes(part)]
 
 
 def _tags(model: type[BaseModel]) -> tuple[str, ...]:
@@ -167,11 +161,9 @@ def _message(problem: Mapping[str, Any]) -> str:
 
 def _interval(owner: type[BaseModel], name: str) -> str:
     low, high = bounds(owner, name)
-    strict_low = any(hasattr(rule, "gt") for rule in owner.model_fields[name].metadata)
-    strict_high = any(hasattr(rule, "lt") for rule in owner.model_fields[name].metadata)
     words = []
     if low > -float("inf"):
-        words.append(f"{'>' if strict_low else '>='} {low:g}")
+        words.append(f"{'>' if has_rule(owner, name, 'gt') else '>='} {low:g}")
     if high < float("inf"):
-        words.append(f"{'<' if strict_high else '<='} {high:g}")
+        words.append(f"{'<' if has_rule(owner, name, 'lt') else '<='} {high:g}")
     return " and ".join(words) or "that is finite"

@@ -222,7 +222,7 @@ def numbers_of(
             high=high,
             neutral=float(neutral) if isinstance(neutral, int | float) else None,
             value=float(value),
-            open_ends=(_has(type(part), name, "gt"), _has(type(part), name, "lt")),
+            open_ends=(has_rule(type(part), name, "gt"), has_rule(type(part), name, "lt")),
         )
 
 
@@ -321,15 +321,15 @@ def _tables(model: type[BaseModel]) -> frozenset[str]:
 @cache
 def _of_tables(model: type[BaseModel]) -> tuple[str, ...]:
     """Fields that hold the path of a table, or a part that may hold one."""
-    of_parts = {n for n, f in model.model_fields.items() if any(map(_of_tables, _parts(f.annotation)))}
+    of_parts = {n for n, f in model.model_fields.items() if any(map(_of_tables, parts_in(f.annotation)))}
     return tuple(name for name in model.model_fields if name in _tables(model) | of_parts)
 
 
-def _parts(annotation: Any) -> list[type[BaseModel]]:
+def parts_in(annotation: Any) -> list[type[BaseModel]]:
     """Classes of parts that a field may hold."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
-    return [part for one in get_args(annotation) for part in _parts(one)]
+    return [part for one in get_args(annotation) for part in parts_in(one)]
 
 
 @cache
@@ -338,7 +338,8 @@ def _names(model: type[Any]) -> frozenset[str]:
     return frozenset(model.model_fields if issubclass(model, BaseModel) else ())
 
 
-def _has(model: type[BaseModel], name: str, rule: str) -> bool:
+def has_rule(model: type[BaseModel], name: str, rule: str) -> bool:
+    """Is a field declared with a rule, as "gt"?"""
     return any(getattr(found, rule, None) is not None for found in model.model_fields[name].metadata)
 
 

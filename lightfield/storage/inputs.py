@@ -6,12 +6,14 @@ import hashlib
 import os
 import stat
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import BinaryIO
+from functools import lru_cache, wraps
+from typing import Any, BinaryIO, TypeVar
 
 from lightfield.errors import LightfieldError, MeasurementError, OutputError, SceneError, UsageError
 
+Value = TypeVar("Value")
 MEGABYTE = 1_000_000
 STANDARD_INPUT = ("-", "/dev/stdin")
 
@@ -117,12 +119,29 @@ def _unreadable(where: str, kind: FileKind, error: Exception) -> LightfieldError
     )
 
 
+def kept_by_file(most: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+    """`functools.lru_cache` of a function of a file (and more); one that was written anew is another.
+
+    Parameters
+    ----------
+    most : int
+        Values that are kept.
+    """
+
+    def of(function: Callable[..., Value]) -> Callable[..., Value]:
+        kept = lru_cache(most)(lambda _state, *given: function(*given))
+
+        @wraps(function)
+        def asked(path: str, *given: Any) -> Value:
+            state = os.stat(path)
+            return kept((state.st_mtime_ns, state.st_size), path, *given)
+
+        return asked
+
+    return of
+
+
+@kept_by_file(64)
 def content_digest(path: str, kind: FileKind) -> str:
     """SHA-256 of a file, "sha256:" and hex; a file that has not changed since is not read again."""
-    state = os.stat(path)
-    return _digest(path, kind, state.st_mtime_ns, state.st_size)
-
-
-@lru_cache(maxsize=64)
-def _digest(path: str, kind: FileKind, _modified: int, _size: int) -> str:
     return "sha256:" + hashlib.sha256(read_bytes(path, kind)).hexdigest()

@@ -12,7 +12,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import RuleError, SceneError
-from lightfield.storage.inputs import TABLE, read_bytes
+from lightfield.storage.inputs import TABLE, FileKind, kept_by_file, read_bytes
 
 Value = TypeVar("Value")
 
@@ -41,8 +41,7 @@ def read_columns(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
     SceneError
         Missing columns, or lines that are not numbers: all at once.
     """
-    state = os.stat(path)
-    return _read(path, tuple(columns), state.st_mtime_ns, state.st_size)
+    return _read(path, tuple(columns), True)
 
 
 def read_rows(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
@@ -50,8 +49,7 @@ def read_rows(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
 
     Parameters, results and errors as of `read_columns`.
     """
-    state = os.stat(path)
-    return _read(path, tuple(columns), state.st_mtime_ns, state.st_size, ordered=False)
+    return _read(path, tuple(columns), False)
 
 
 def kept_by_tables(most: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
@@ -85,21 +83,28 @@ def column_names(path: str) -> list[str]:
     SceneError
         No text.
     """
-    rows = _rows(path)
-    return [name.strip() for name in rows[0][1]] if rows else []
+    return header_and_rows(path, TABLE)[0]
 
 
-def _rows(path: str) -> list[tuple[int, list[str]]]:
-    """Cells of the lines that are no comments, with their numbers."""
+def header_and_rows(path: str, kind: FileKind) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Names in the header line of a CSV file, and cells of the other lines that are no comments, each with
+    its number.
+
+    Raises
+    ------
+    LightfieldError
+        Of the `kind`: no text.
+    """
     try:
-        lines = read_bytes(path, TABLE).decode("utf-8-sig").splitlines()
+        lines = read_bytes(path, kind).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise SceneError(
+        raise kind.error(
             "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"
         ) from error
     told = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
     separator = max(",;\t", key=told[0][1].count) if told else ","
-    return [(number, line.split(separator)) for number, line in told]
+    (_, names), *rows = [(number, line.split(separator)) for number, line in told] or [(0, [])]
+    return [name.strip() for name in names], rows
 
 
 def readable(reader: Callable[..., Any], *arguments: Any) -> None:
@@ -123,12 +128,9 @@ def readable(reader: Callable[..., Any], *arguments: Any) -> None:
         raise RuleError.of(error) from error
 
 
-@lru_cache(maxsize=64)
-def _read(
-    path: str, columns: tuple[str, ...], _modified: int, _size: int, *, ordered: bool = True
-) -> tuple[Array, ...]:
-    rows = _rows(path)
-    header = [name.strip() for name in rows[0][1]] if rows else []
+@kept_by_file(64)
+def _read(path: str, columns: tuple[str, ...], ordered: bool) -> tuple[Array, ...]:
+    header, rows = header_and_rows(path, TABLE)
     missing = [name for name in columns if name not in header]
     if missing:
         raise SceneError(
@@ -139,10 +141,10 @@ def _read(
     largest = [LARGEST_PER_M if name.endswith("_per_m") else LARGEST for name in columns]
     problems: list[str] = []
     values: list[list[float]] = []
-    numbers = [cells[place] for _, cells in rows[1:] for place in places if place < len(cells)]
+    numbers = [cells[place] for _, cells in rows for place in places if place < len(cells)]
     if any("." in cell for cell in numbers) and any("," in cell for cell in numbers):
         problems.append("decimal points and decimal commas")
-    for number, cells in rows[1:]:
+    for number, cells in rows:
         try:
             row = [float(cells[place].replace(",", ".")) for place in places]
         except (ValueError, IndexError):

@@ -245,9 +245,7 @@ class TransportResponse:
         """The same of open-ended rows, whose factor is another in every cell; (k, n_waters, n_cells)."""
         n, m, k = self.histories[rows].T
         ref, excess = self.reference, self.excess_m[rows]
-        walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
-        top = (surface / (ref.surface_reflectance or 1.0))[:, None] ** k
-        factor = walls * top * np.exp((ref.absorption_per_m - a)[:, None] * excess)
+        factor = self._reflecting(rho, surface, m, k) * np.exp((ref.absorption_per_m - a)[:, None] * excess)
         more = np.exp((b - ref.scattering_per_m)[:, None] * self._straight_of_tally)
         out = np.empty((len(tallies), len(b), tallies.shape[2]), tallies.dtype)
         step = max(_AT_ONCE // max(len(rows) * tallies.shape[2], 1), 1)
@@ -321,11 +319,17 @@ class TransportResponse:
         name = rows.tobytes() if isinstance(rows, np.ndarray) else repr(rows).encode()
         known, factor = self._last.get(name, (None, np.zeros(0)))
         if known != key:
-            walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
-            top = (surface / (ref.surface_reflectance or 1.0))[:, None] ** k
-            factor = self._scattering(b, rows) * walls * top
+            factor = self._scattering(b, rows) * self._reflecting(rho, surface, m, k)
             self._last[name] = key, factor
         return np.asarray(factor * np.exp(-change * self.excess_m[rows]))
+
+    def _reflecting(
+        self, rho: Array, surface: Array, m: NDArray[np.integer[Any]], k: NDArray[np.integer[Any]]
+    ) -> Array:
+        """Factor (rho / rho_0)^m s^k of rows with so many reflections, shape (n, n_rows)."""
+        ref = self.reference
+        walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
+        return np.asarray(walls * (surface / (ref.surface_reflectance or 1.0))[:, None] ** k)
 
     def _scattering(self, b: Array, rows: Rows) -> Array:
         """Factor (b / b_0)^n of every row, shape (n, n_rows).

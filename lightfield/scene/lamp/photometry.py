@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.lamp.luminaire_files import all_around, read_eulumdat, read_ies
-from lightfield.storage.inputs import LUMINAIRE, read_bytes
+from lightfield.storage.inputs import LUMINAIRE, kept_by_file, read_bytes
 from lightfield.storage.tables import LARGEST, column_names, read_columns, read_rows
 
 #: Half planes that differ by no more than this part of the largest intensity from their mean are one round
@@ -123,6 +122,7 @@ def _place(nodes: Array, at: Array) -> tuple[NDArray[np.integer[Any]], Array]:
     return before, np.clip((at - nodes[before]) / (nodes[before + 1] - nodes[before]), 0.0, 1.0)
 
 
+@kept_by_file(32)
 def beam_table(path: str) -> BeamTable:
     """A measured beam, with its shape all around its axis.
 
@@ -143,12 +143,6 @@ def beam_table(path: str) -> BeamTable:
     SceneError
         Not readable as that format, or no light on the axis.
     """
-    state = os.stat(path)
-    return _load(path, state.st_mtime_ns, state.st_size)
-
-
-@lru_cache(maxsize=32)
-def _load(path: str, _modified: int, _size: int) -> BeamTable:
     read = _photometric if Path(path).suffix.lower() in {".ies", ".ldt"} else _columns
     angle, turn, intensity = read(path)
     if angle[0] != 0.0 or angle[-1] > 180.0:

@@ -60,8 +60,8 @@ def test_any_number_of_effects_and_another_lamp(tmp_path: Path) -> None:
     angle = np.degrees(np.arctan2(np.abs(far.x_m), far.z_m))
     for z in np.unique(far.z_m):
         plane = far.z_m == z
-        bright = made.noise_free[plane & (angle < 3.5)]
-        assert bright.min() > 5 * made.noise_free[plane & (angle > 4.5)].max()
+        bright = far.value[plane & (angle < 3.5)]
+        assert bright.min() > 5 * far.value[plane & (angle > 4.5)].max()
 
 
 def test_it_reads_at_the_places_of_a_table() -> None:

@@ -17,7 +17,6 @@ from lightfield.errors import FitError, LightfieldError, RenderError, UsageError
 from lightfield.explorer import protocol
 from lightfield.explorer.beside import EndedError
 from lightfield.explorer.documents import (
-    comparison_html,
     open_session,
     residuals_csv,
     scene_toml,
@@ -226,10 +225,10 @@ def test_other_readings_are_dropped_in_and_bad_ones_change_nothing(session: Sess
     with pytest.raises(LightfieldError, match="line 3"):
         session.drop([dropped_file("bad.csv", "z_m,value\n4.5,1\n5.5,bright\n")])
     assert session.now == before and session.readings is not other
-    assert session.state_data()["compared"] and comparison_html(session) is not None
+    assert session.state_data()["compared"] and session.comparison is not None
     session.drop([dropped_file("good.csv", dumps(other))])
     assert session.now.effects == () and np.allclose(session.experiment.problem.value, other.value)
-    assert not session.state_data()["compared"] and comparison_html(session) is None
+    assert not session.state_data()["compared"] and session.comparison is None
 
 
 def test_a_session_whose_values_were_all_moved_at_once_can_be_opened(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from functools import lru_cache
 
 import numpy as np
@@ -13,6 +12,7 @@ from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.water.library import columns_of
 from lightfield.scene.water.phase.function import FOUR_PI, GAUSS_W, GAUSS_X, PhaseFunction, angle_grid
+from lightfield.storage.inputs import kept_by_file
 from lightfield.storage.tables import read_columns
 
 PETZOLD_COLUMNS = {
@@ -128,6 +128,7 @@ def petzold(water: str = "average") -> TabulatedPhase:
     return TabulatedPhase(np.radians(angle), density)
 
 
+@kept_by_file(8)
 def measured(path: str) -> TabulatedPhase:
     """Phase function from a CSV file with columns angle_deg and phase_per_sr.
 
@@ -141,12 +142,6 @@ def measured(path: str) -> TabulatedPhase:
     SceneError
         Not such a table.
     """
-    state = os.stat(path)
-    return _measured(path, state.st_mtime_ns, state.st_size)
-
-
-@lru_cache(maxsize=8)
-def _measured(path: str, _modified: int, _size: int) -> TabulatedPhase:
     angle, density = read_columns(path, ("angle_deg", "phase_per_sr"))
     if angle[-1] > 180.0 or angle[-1] < 90.0 or not np.all(density > 0):
         raise SceneError(
