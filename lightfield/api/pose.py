@@ -57,16 +57,13 @@ class Poses(ToldByDetails[sequence.Poses]):
                 row |= dict(zip(units, in_degrees(one.pose).tolist(), strict=True))
                 row |= sigma_columns(one.total.sigma)
             rows.append(row)
-        return pd.DataFrame(rows, columns=list(dict.fromkeys(["time_s", "status", *units, *_keys(rows)])))
+        keys = [key for row in rows for key in row]
+        return pd.DataFrame(rows, columns=list(dict.fromkeys(["time_s", "status", *units, *keys])))
 
     def _page(self) -> str:
         from lightfield.report.follower.pose_page import poses_page
 
         return poses_page(self.details)
-
-
-def _keys(rows: Sequence[dict[str, Any]]) -> list[str]:
-    return [key for row in rows for key in row]
 
 
 class Bias(OverAxes[biases.BiasStudy], ToldByDetails[biases.BiasStudy]):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,7 +13,6 @@ import xarray as xr
 from lightfield.commands.shared.options import add_option
 from lightfield.errors import OutputError
 from lightfield.storage.files import locked_folder
-from lightfield.studies.following.metrics import METRICS
 from lightfield.sweep.estimate import byte_size
 from lightfield.sweep.results import axes_of, chosen_cases, decoded, open_store
 from lightfield.sweep.zarrfile import size_on_disk
@@ -38,45 +39,28 @@ def _show(args: argparse.Namespace) -> int:
             rule="the folder that a sweep wrote",
             remedy=f"`lightfield compare {args.store}` shows the maps of one scene",
         )
+    from lightfield.report.follower.follow_figures import sweep_figures
+    from lightfield.report.style import save_png
+    from lightfield.report.sweep import figures_of
+    from lightfield.studies.following.sweep import QUANTITY
+
+    draws: Callable[[xr.Dataset], dict[str, Any]] = figures_of
     try:
         data = open_store(args.store)
     except OutputError as error:
-        from lightfield.studies.following.sweep import QUANTITY
-
         if error.found != QUANTITY:
             raise
-        return _runs(open_store(args.store, QUANTITY), args)
+        data, draws = open_store(args.store, QUANTITY), sweep_figures
     print(as_text(data, args.store))
     data = chosen_cases(data, args.case or [])
-    if not (data.status == 1).any():
+    figures = draws(data) if (data.status == 1).any() else {}
+    if not figures:
         raise OutputError(
             "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
         )
-    from lightfield.report.style import save_png
-    from lightfield.report.sweep import figures_of
-
     with locked_folder(args.output or args.store.with_name(f"{args.store.stem}-figures")) as folder:
-        for name, draw in figures_of(data).items():
+        for name, draw in figures.items():
             print(save_png(draw(data), folder / f"{name}.png"))
-    return 0
-
-
-def _runs(data: xr.Dataset, args: argparse.Namespace) -> int:
-    """Draw runs of a follower: how well it docks or keeps its distance over what was varied."""
-    from lightfield.report.follower.follow_figures import sweep_figure
-    from lightfield.report.style import save_png
-
-    print(as_text(data, args.store))
-    chosen = chosen_cases(data, args.case or [])
-    found = [name for name in METRICS if name in chosen and np.isfinite(chosen[name].values).any()]
-    if not found:
-        raise OutputError(
-            "no case to draw has been computed", where=str(args.store), remedy="run the sweep again"
-        )
-    figures = args.output or args.store.with_name(f"{args.store.stem}-figures")
-    with locked_folder(figures) as folder:
-        for name in found:
-            print(save_png(sweep_figure(chosen, axes_of(chosen), name), folder / f"{name}.png"))
     return 0
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
@@ -73,7 +72,8 @@ class Fits:
     def __init__(self, experiment: Experiment) -> None:
         self.experiment = experiment
         self._known: Latest[frozenset[str], Fitted] = Latest(_KEPT)
-        self._bright = np.asarray(bright(experiment.problem), bool)
+        #: Readings that count in the error in per cent, shape (n,).
+        self.counted = np.asarray(bright(experiment.problem), bool)
 
     def known(self, keys: Iterable[str]) -> Fitted | None:
         """The fit of a set, if it was made."""
@@ -161,18 +161,13 @@ class Fits:
         e = self.experiment
         residual = e.whiten(e.problem.keep * (e.problem.value - prediction))
         dof = max(int(e.problem.keep.sum()) - parameters, 1)
-        return Goodness(percent(e.problem, prediction, self._bright), float(residual @ residual) * e.phi, dof)
-
-    @property
-    def counted(self) -> NDArray[np.bool_]:
-        """Readings that count in the error in per cent, shape (n,)."""
-        return self._bright
+        return Goodness(percent(e.problem, prediction, self.counted), float(residual @ residual) * e.phi, dof)
 
     @property
     def floor_percent(self) -> float:
         """What the readings' own errors leave of any explanation, as errors count here."""
-        value = self.experiment.problem.value[self._bright]
-        return rms_over(self.experiment.sigma[self._bright], value)
+        value = self.experiment.problem.value[self.counted]
+        return rms_over(self.experiment.sigma[self.counted], value)
 
     def _begun(self, model: Model) -> Array:
         base = self.known(())
@@ -196,12 +191,8 @@ def _start(model: Model, values: Mapping[str, float]) -> Array:
     """Coordinates of some values, within the bounds; of what has none the model's start."""
     start = [
         p.coordinate_of(values[p.path])
-        if p.path in values and _has(p.coordinate, values[p.path])
+        if p.path in values and (p.coordinate != "log" or values[p.path] > 0)
         else p.start
         for p in model.parameters
     ]
     return np.clip(np.array(start), model.low, model.high)
-
-
-def _has(coordinate: str, value: float) -> bool:
-    return coordinate != "log" or value > 0

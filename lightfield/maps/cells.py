@@ -12,9 +12,8 @@ from lightfield.arrays import Array
 from lightfield.formula.scattered.quadrature import Nodes, finest_rad, interval
 from lightfield.scene import Detector, Lamp, Scene
 from lightfield.scene.lamp.frame import narrowest_section
+from lightfield.scene.receiver import half_view_rad
 
-#: View from which on more is not told apart, degrees.
-_WIDE_DEG = 60.0
 #: Points along a side of a cell where a field is smooth (Gauss-Legendre); where its edge is sharp (even ones)
 #: at most so many, and so many to the radius of what a collimator sees of the lamp: right to 2 %. Chosen.
 _SMOOTH, _MOST, _TO_AN_EDGE = 3, 80, 16
@@ -71,7 +70,7 @@ def _seen_m(detector: Detector, z_m: float) -> float | None:
     """Radius of the disc from which a collimator along the axis sees the lamp, m; None of other receivers."""
     if detector.quantity != "radiance" or detector.aim == "lamp":
         return None
-    return z_m * math.tan(math.radians(min(0.5 * detector.full_angle_deg, _WIDE_DEG)))
+    return z_m * math.tan(half_view_rad(detector))
 
 
 def cell_mean(

@@ -267,7 +267,7 @@ def plane_image(dataset: xr.Dataset, plane: int, common_scale: float | None = No
         x_m=dataset.x_m.values.astype(float),
         y_m=dataset.y_m.values.astype(float),
         z_m=z,
-        units=".".join(_exr_unit(unit) for unit in QUANTITIES[quantity][0].split()),
+        units=QUANTITIES[quantity][0].replace("-", "^-").replace(" ", "."),  # as EXR has them: m^-2.nm^-1
         response=_responses(dataset, scene["detector"]),
         attributes=details,
         common_scale=common_scale,
@@ -313,8 +313,3 @@ def write_exr_planes(dataset: xr.Dataset, folder: str | os.PathLike[str]) -> lis
         write_spectral_exr(Path(folder) / name, plane_image(dataset, index, scale or None))
         for index, name in enumerate(plane_names(quantity, dataset.z_m.values.tolist()))
     ]
-
-
-def _exr_unit(unit: str) -> str:
-    """`m-2` as the EXR layout writes it, `m^-2`."""
-    return unit.replace("-", "^-")

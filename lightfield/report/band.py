@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import (
     FORMULA,
     GOOD,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import BAD, DASH, INK, SERIES, banded, label, legend_below, panels
 from lightfield.studies.link.study import Link
 from lightfield.studies.link.text import (

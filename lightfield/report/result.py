@@ -9,8 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import NARROW, figure
 
 if TYPE_CHECKING:

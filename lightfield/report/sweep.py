@@ -52,7 +52,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     middle = held.sizes[_plane(held)] // 2
     plane = _plane(held)
     panels = {
-        f"on_axis_{quantity}": f"{_sentence(plain(quantity))} on the axis",
+        f"on_axis_{quantity}": f"{plain(quantity).capitalize()} on the axis",
         "half_width_m": "Half width of the spot",
         "plane_power": "Integral over the plane",
         "formula_error_on_axis": "Error of the formula on the axis",
@@ -273,10 +273,6 @@ def _is_log(values: np.ndarray) -> bool:
     if values.dtype.kind not in "fi" or len(values) < 3 or values.min() <= 0:
         return False
     return bool(np.allclose(np.diff(np.log(values), 2), 0, atol=1e-6) and values.max() > 10 * values.min())
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _note(fig: Figure, parts: Sequence[str]) -> None:

@@ -7,8 +7,7 @@ from textwrap import fill
 from matplotlib.figure import Figure
 
 from lightfield.diagnosis.expected import ABOUT, HEAD, Together
-from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, NARROW, WIDTH, figure, label, percent_axis
 from lightfield.wording import plain
 

@@ -6,8 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import (
     BAD,
     DASH,

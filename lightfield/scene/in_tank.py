@@ -83,7 +83,8 @@ def check_all_inside(detector: Detector, lamp: Lamp, follower: Follower | None, 
         check_inside(detector, tank)
         check_lamp_inside(lamp, tank)
         if follower is not None:
-            check_follower_inside(follower, tank)
+            place = (follower.x_m, follower.y_m, follower.z_m)
+            _check_place(place, tank, "move it, or enlarge the tank", "follower")
     nearest = detector.distances_m[0]
     if nearest < lamp.least_distance_m:
         raise RuleError(
@@ -147,18 +148,6 @@ def check_lamp_inside(lamp: Lamp, tank: Tank) -> None:
                 f"by {why}",
                 "move the lamp, or enlarge the tank",
             )
-
-
-def check_follower_inside(follower: Follower, tank: Tank) -> None:
-    """Refuse a follower outside the tank.
-
-    Raises
-    ------
-    RuleError
-        The middle of its array is not in the water.
-    """
-    place = (follower.x_m, follower.y_m, follower.z_m)
-    _check_place(place, tank, "move it, or enlarge the tank", "follower")
 
 
 def follower_in(follower: Follower | None, tank: Tank | None) -> Follower:

@@ -159,11 +159,8 @@ def derived_variables(quantity: str, units: str, area_units: str) -> list[tuple[
 def quantity_of(plan: SweepPlan) -> tuple[str, str, str, str]:
     """Name, unit and meaning of the maps, and unit of their integral over a plane."""
     varied = {q for axis in plan.cases.axes for q in axis.values.get("detector.quantity", ())}
-    if not varied:
-        quantity = plan.cases.scene.detector.quantity
-        return quantity, *QUANTITIES[quantity], AREA_UNITS[quantity]
-    if len(varied) == 1:
-        quantity = varied.pop()
+    if len(varied) < 2:
+        quantity = varied.pop() if varied else plan.cases.scene.detector.quantity
         return quantity, *QUANTITIES[quantity], AREA_UNITS[quantity]
     # One variable for several quantities: each in its own unit, told by the coordinate.
     units = ", ".join(f"{q}: {QUANTITIES[q][0]}" for q in sorted(varied))

@@ -149,7 +149,7 @@ class SweepStore:
         self._lay_out()
         self.summarise()
         # Last: without a plan there is no store to continue.
-        self._write({journal.PLAN: _as_json(fingerprint(self.plan, self.kind))})
+        self._write({journal.PLAN: zarrfile.as_json(fingerprint(self.plan, self.kind))})
 
     def _lay_out(self) -> None:
         self._write({**self._metadata("no"), **self._whole(self.kind.coordinates(self.plan))})
@@ -168,7 +168,7 @@ class SweepStore:
         journal.rewrite(self.path, self.journal)  # without a last line that was cut off
         if self.repaired:
             self._lay_out()
-            self._write({journal.PLAN: _as_json(fingerprint(self.plan, self.kind))})
+            self._write({journal.PLAN: zarrfile.as_json(fingerprint(self.plan, self.kind))})
 
     def _stands(self, entry: journal.Entry, bad: set[str], traces: set[int]) -> bool:
         """Whether what a line says is still true beside damaged files, and with these traces known."""
@@ -181,7 +181,7 @@ class SweepStore:
     def _check_plan(self, damaged: bool) -> None:
         """Raise unless the store is for this plan; its digest in the journal is as good as the plan."""
         wanted = fingerprint(self.plan, self.kind)
-        if journal.digest(_as_json(wanted)) in self._plans():
+        if journal.digest(zarrfile.as_json(wanted)) in self._plans():
             return
         try:
             if damaged:
@@ -309,18 +309,9 @@ def _flat(value: Any, prefix: str = "") -> dict[str, str]:
             for k, v in _flat(part, f"{prefix}.{key}" if prefix else key).items()
         }
     if isinstance(value, list) and len(value) > 4:
-        return {
-            prefix: f"{len(value)} values, {json.dumps(value[0])} to {json.dumps(value[-1])} ({_hash(value)})"
-        }
+        told = hashlib.sha256(json.dumps(value).encode()).hexdigest()[:6]
+        return {prefix: f"{len(value)} values, {json.dumps(value[0])} to {json.dumps(value[-1])} ({told})"}
     return {prefix.removeprefix("scene."): json.dumps(value)}
-
-
-def _hash(value: Any) -> str:
-    return hashlib.sha256(json.dumps(value).encode()).hexdigest()[:6]
-
-
-def _as_json(content: Any) -> bytes:
-    return json.dumps(content, indent=1).encode()
 
 
 def _holds(file: Path, content: bytes) -> bool:

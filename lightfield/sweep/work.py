@@ -88,19 +88,23 @@ class MapTarget:
         The store.
     variables : dict of Variable
         Its layout.
+    quantity : str
+        What the maps are of.
+    derived : dict of str to str
+        Variables beside the maps, and what `derive` calls them.
     """
 
     path: Path
     variables: dict[str, Variable]
     quantity: str
-    units: str
-    area_units: str
+    derived: dict[str, str]
 
 
 def map_target(plan: SweepPlan, path: Path, variables: dict[str, Variable]) -> MapTarget:
     """Where and how the blocks of a sweep of maps are written."""
     quantity, units, _, area_units = quantity_of(plan)
-    return MapTarget(path, variables, quantity, units, area_units)
+    derived = {name: key for name, key, _, _ in derived_variables(quantity, units, area_units)}
+    return MapTarget(path, variables, quantity, derived)
 
 
 def do_trace(trace: Trace, scene: Scene, settings: SweepSettings, path: Path) -> TraceDone:
@@ -175,13 +179,12 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
     with _busy, threadpool_limits(1, "blas"):  # more threads of BLAS would round differently
         started = time.perf_counter()
         failed: dict[int, str] = {}
-        shapes = {
-            name: v.shape[len(cases.shape) :]
-            for name, v in target.variables.items()
-            if _is_result(name, target)
+        written = {*target.derived, target.quantity, f"{target.quantity}_stderr"}
+        results = {
+            name: np.full((len(block.cases), *variable.shape[len(cases.shape) :]), np.nan)
+            for name, variable in target.variables.items()
+            if name in written
         }
-        results = {name: np.full((len(block.cases), *shape), np.nan) for name, shape in shapes.items()}
-        names = derived_variables(target.quantity, target.units, target.area_units)
         for number in sorted(set(trace_of_case)):
             mine = [i for i, t in enumerate(trace_of_case) if t == number]
             scenes = _scenes(cases, block, mine, failed)
@@ -199,7 +202,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
                 found = derive(mean, stderr, formula, grid, scene.lamp, response.merged)
                 if target.quantity in results:
                     results[target.quantity][i], results[f"{target.quantity}_stderr"][i] = mean, stderr
-                for name, key, _, _ in names:
+                for name, key in target.derived.items():
                     if key in found:
                         results[name][i] = found[key]
         files = write_block(block, cases, target.path, target.variables, results)
@@ -298,11 +301,6 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
         except (LightfieldError, ValueError, TypeError) as error:
             failed[int(block.cases[i])] = one_line(error)[:240]
     return scenes
-
-
-def _is_result(name: str, target: MapTarget) -> bool:
-    derived = {entry[0] for entry in derived_variables(target.quantity, target.units, target.area_units)}
-    return name in derived or name in (target.quantity, f"{target.quantity}_stderr")
 
 
 def _formula(scene: Scene) -> np.ndarray | None:

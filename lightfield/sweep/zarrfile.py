@@ -69,7 +69,7 @@ def metadata_files(variables: Mapping[str, Variable], attrs: Mapping[str, Any]) 
         metadata[f"{name}/.zarray"] = variable.metadata()
         metadata[f"{name}/.zattrs"] = {**variable.attrs, DIMENSIONS: list(variable.dims)}
     whole = {"zarr_consolidated_format": 1, "metadata": metadata}
-    return {key: _json(content) for key, content in {**metadata, CONSOLIDATED: whole}.items()}
+    return {key: as_json(content) for key, content in {**metadata, CONSOLIDATED: whole}.items()}
 
 
 def refuse_foreign_metadata(path: Path) -> None:
@@ -165,7 +165,8 @@ def _compression(dtype: np.dtype[Any]) -> dict[str, Any]:
     return {"cname": "zstd", "clevel": 3, "shuffle": shuffle}
 
 
-def _json(content: Any) -> bytes:
+def as_json(content: Any) -> bytes:
+    """Content of a file that people may read, too."""
     return json.dumps(content, indent=1).encode()
 
 

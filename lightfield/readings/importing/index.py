@@ -86,10 +86,10 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             )
     entries, used = [], dict[tuple[str, str], int]()
     for line, cells in sheet.rows:
-        row = {name: cells[c].strip() for name, c in place.items()}
+        row = dict.fromkeys(COLUMNS, "") | {name: cells[c].strip() for name, c in place.items()}
         before = len(problems.found)
-        values = {name: _number(name, row.get(name, ""), sheet.mark, line, problems) for name in NUMBERS}
-        role, medium = row.get("role", "").lower() or "signal", row.get("medium", "").lower() or "water"
+        values = {name: _number(name, row[name], sheet.mark, line, problems) for name in NUMBERS}
+        role, medium = row["role"].lower() or "signal", row["medium"].lower() or "water"
         if role not in ROLES:
             problems.add(
                 "unknown role", place=line, found=role, rule=", ".join(ROLES),
@@ -105,7 +105,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             )
         if not row["file"]:
             problems.add("no file is named", place=line, remedy="name the spectrum's file")
-        elif (same := (normpath(row["file"]), row.get("spectrum", ""))) in used:
+        elif (same := (normpath(row["file"]), row["spectrum"])) in used:
             problems.add(
                 f"the same file as line {used[same]}",
                 place=line,
@@ -113,22 +113,20 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
                 rule="one line for each spectrum",
                 remedy="leave out one of the lines",
             )
-        used.setdefault((normpath(row["file"]), row.get("spectrum", "")), line)
+        used.setdefault((normpath(row["file"]), row["spectrum"]), line)
         if role not in ("dark", "ignore"):
             z_m = values["z_m"]
-            if z_m != z_m and row.get("z_m", "") == "":
+            if z_m != z_m and row["z_m"] == "":
                 problems.add("z_m is missing", place=line, rule=f"required for the role {role}")
             elif z_m <= 0:
                 problems.add("z_m is an impossible position", place=line, found=z_m, rule="z_m > 0")
         if values["integration_time_s"] <= 0:
             problems.add("integration_time_s is not positive", place=line, found=values["integration_time_s"])
         if len(problems.found) == before:
-            values["x_m"], values["y_m"] = (
-                0.0 if row.get(n, "") == "" else values[n] for n in ("x_m", "y_m")
-            )
-            path, spectrum = Path(where).parent / row["file"], row.get("spectrum", "")
+            values |= {name: 0.0 for name in ("x_m", "y_m") if row[name] == ""}
+            path = Path(where).parent / row["file"]
             entries.append(
-                Entry(line, row["file"], path, medium, role, **values, spectrum=spectrum, number=0)
+                Entry(line, row["file"], path, medium, role, **values, spectrum=row["spectrum"], number=0)
             )
     if not any(entry.role in ("signal", "reference") for entry in entries) and not problems:
         problems.add(

@@ -6,9 +6,8 @@ import re
 
 from lightfield.arrays import Array
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.document import Document
+from lightfield.readings.instruments.document import Document, without_cut_number
 from lightfield.readings.instruments.number_block import check_axis, header_of, wavelength_column
-from lightfield.readings.instruments.oddity import Odd, Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -58,11 +57,7 @@ def read(document: Document) -> Spectrum:
             "no column of the sample", found=", ".join(table.names), remedy="export it with the counts"
         )
     problems.raise_any(UNUSABLE)
-    notes: list[Oddity] = []
-    if not document.ended:
-        for values in columns.values():
-            values[-1] = float("nan")
-        notes.append(Oddity(Odd.CUT_LINE))
+    notes = without_cut_number(document, columns.values())
     header = header_of(document.lines[: table.lines[0] - 1])
     exposure = _after(header, r"int(egration|\.) ?time.*")
     unit = {"ms": 1e-3, "us": 1e-6, "s": 1.0}.get(_unit(*exposure), 1e-3) if exposure else 1.0
@@ -79,7 +74,7 @@ def read(document: Document) -> Spectrum:
         spectra_averaged=_whole(averaged),
         boxcar=_whole(smoothed),
         spectrometer=named[1] if named else "",
-        notes=tuple(notes),
+        notes=notes,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -160,6 +160,15 @@ def block_numbers(block: MarkedLines, width: int, problems: Problems) -> Array:
     return out
 
 
+def without_cut_number(document: Document, columns: Iterable[Array]) -> tuple[Oddity, ...]:
+    """Take out the last numbers where the file ends within a line: they may have lost digits."""
+    if document.ended:
+        return ()
+    for values in columns:
+        values[-1] = np.nan
+    return (Oddity(Odd.CUT_LINE),)
+
+
 def spectrum(
     document: Document,
     name: str,
@@ -243,8 +252,6 @@ def _check_complete(document: Document, block: MarkedLines, table: Array, proble
         notes.append(Oddity(Odd.MORE_PIXELS, rows, announced))
     elif announced is None and not block.closed:
         notes.append(Oddity(Odd.END_UNKNOWN))
-    if not block.closed and not document.ended:
-        # The last number may have lost its last digits.
-        table[-1, 1:] = np.nan
-        notes.append(Oddity(Odd.CUT_LINE))
+    if not block.closed:
+        notes += without_cut_number(document, table.T[1:])
     return notes

@@ -10,13 +10,13 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.readings import units
 from lightfield.readings.instruments import labels
-from lightfield.readings.instruments.document import Document
+from lightfield.readings.instruments.document import Document, without_cut_number
 from lightfield.readings.instruments.number_block import (
     NumberBlock,
     check_axis,
     wavelength_column,
 )
-from lightfield.readings.instruments.oddity import Odd, Oddity
+from lightfield.readings.instruments.oddity import Oddity
 from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
@@ -80,12 +80,7 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
             for k in wanted
         ]  # fmt: skip
     problems.raise_any("not a usable file of columns")
-    notes: tuple[Oddity, ...] = ()
-    if not document.ended:
-        for _, columns, _ in sets:
-            for values in columns.values():
-                values[-1] = np.nan
-        notes = (Oddity(Odd.CUT_LINE),)
+    notes = without_cut_number(document, [values for _, columns, _ in sets for values in columns.values()])
     ignored = unused(table, [axis, *chosen.values()]) if "value" in chosen else ()
     return [
         replace(_spectrum(document, table, wavelength, columns, label, unit, notes), ignored=ignored)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from lightfield.report.attenuation.figures import content_figure, hidden_figure, lines_figure, percent_figure
-from lightfield.report.page import SideBySide, page_figure
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import Section, SideBySide, Table, page_figure, study_page
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.study import Attenuation, Content
 from lightfield.studies.attenuation.text import (

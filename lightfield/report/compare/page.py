@@ -60,7 +60,8 @@ def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
 def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
     """Table of one wavelength that fits a terminal of 80 columns; 1.234(5) means 1.234 ± 0.005."""
     units = SHORT_UNITS.get(comparison.units, comparison.units)
-    title = f"{_quantity(comparison)} at {wavelength_nm:g} nm, {units}; 1.234(5) is 1.234 ± 0.005"
+    quantity = plain(comparison.quantity).capitalize()
+    title = f"{quantity} at {wavelength_nm:g} nm, {units}; 1.234(5) is 1.234 ± 0.005"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for head in TERMINAL_HEAD:
         table.add_column(head, justify="right", no_wrap=True)
@@ -233,7 +234,3 @@ def _radius(plane: PlaneComparison, level: float) -> str:
     if math.isinf(radius):
         return f"> {plane.profile.r_m[-1]:.2f}"
     return f"{radius:.2f}" if is_left else f"≥ {radius:.2f}"
-
-
-def _quantity(comparison: Comparison) -> str:
-    return plain(comparison.quantity).capitalize()

@@ -14,8 +14,7 @@ from lightfield.report.diagnosis.figures import data_figure, residual_map
 from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import Prediction, ReadingsView
-from lightfield.report.page import PageFigure, page_figure, three_digits
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import PageFigure, Section, Table, page_figure, study_page, three_digits
 from lightfield.studies.compare.readings import FitReport
 
 #: How to go on where something is missing.

@@ -130,14 +130,11 @@ def map_figure(survey: Survey, narrow: bool = False) -> Figure:
                 survey.here.pose[0], survey.here.pose[2], "o", color="none", markeredgecolor=INK, markersize=9
             )
             axis.grid(False)
-            label(axis, "x (m)", "", f"{WORDS[name].capitalize()}: within {100 * _met(survey, name):.0f} %")
+            met = 100 * float((survey.space[f"sigma_{name}"].values <= DOCKING[name]).mean())
+            label(axis, "x (m)", "", f"{WORDS[name].capitalize()}: within {met:.0f} %")
         for axis in axes if narrow else axes[:1]:
             axis.set_ylabel("distance from the lamp z (m)")
     return fig
-
-
-def _met(survey: Survey, name: str) -> float:
-    return float((survey.space[f"sigma_{name}"].values <= DOCKING[name]).mean())
 
 
 def comparison_figure(arrays: Sequence[JudgedArray], narrow: bool = False) -> Figure:

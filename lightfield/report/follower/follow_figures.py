@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 import xarray as xr
@@ -26,7 +27,9 @@ from lightfield.report.style import (
 )
 from lightfield.scene.follower import Mission
 from lightfield.scene.lamp.width import stated_width_deg
+from lightfield.studies.following.metrics import METRICS
 from lightfield.studies.following.study import Followed
+from lightfield.sweep.results import axes_of
 
 #: Frames of a strip, and rows of one figure.
 FRAMES, FEW_FRAMES, MOST_ROWS = 5, 3, 6
@@ -181,9 +184,15 @@ def _events_of(axis: Axes, mission: Mission) -> None:
         axis.axvline(mission.current_from_s, color=MUTED, linestyle=":")
 
 
-def sweep_figure(data: xr.Dataset, axes: Sequence[str], metric: str, narrow: bool = False) -> Figure:
+def sweep_figures(data: xr.Dataset) -> dict[str, Callable[..., Figure]]:
+    """What to draw runs over parameters with, by the metric; only those that a case has."""
+    found = [name for name in METRICS if name in data and np.isfinite(data[name].values).any()]
+    return {name: partial(sweep_figure, metric=name) for name in found}
+
+
+def sweep_figure(data: xr.Dataset, metric: str, narrow: bool = False) -> Figure:
     """A metric over the first axis, a line for each step of the others; bars: standard errors."""
-    first, others = axes[0], list(axes[1:])
+    first, *others = axes_of(data)
     steps = data[first].values
     numbers = steps.dtype.kind in "fi"
     at = steps if numbers else np.arange(len(steps))

@@ -7,8 +7,7 @@ import xarray as xr
 
 from lightfield.report.follower.follow_figures import MOST_ROWS, strip_figure, sweep_figure, way_figure
 from lightfield.report.follower.page import light_in_words, page, section
-from lightfield.report.page import page_figure
-from lightfield.report.sections import Section, Table
+from lightfield.report.page import Section, Table, page_figure
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import follower_in
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING
@@ -117,7 +116,7 @@ def follow_sweep_page(data: xr.Dataset) -> str:
             [
                 page_figure(
                     "sweep", f"{meaning.capitalize()} ({unit}); bars: standard errors of the mean.",
-                    "A metric over parameters", sweep_figure, data, axes, metric,
+                    "A metric over parameters", sweep_figure, data, metric,
                 )
             ],
             f"Mean of {runs} runs ± its standard error.",

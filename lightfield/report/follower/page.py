@@ -13,8 +13,7 @@ from lightfield.report.follower.array_figures import (
     map_figure,
     survey_figure,
 )
-from lightfield.report.page import PageFigure, SideBySide, page_figure
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import PageFigure, Section, SideBySide, Table, page_figure, study_page
 from lightfield.scene import Scene
 from lightfield.studies.follower.design.compared import Arrays
 from lightfield.studies.follower.frames import in_degrees
@@ -72,10 +71,6 @@ def bound_row(title: str, one: Bound) -> list[str]:
     return [title, *cells, f"{tied:+.2f}" if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
 
 
-def bound_head(one: Bound) -> list[str]:
-    return ["where", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in one.names), "x with yaw", "A"]
-
-
 def survey_page(survey: Survey) -> str:
     """Page of `array show`."""
     place = in_degrees(survey.here.pose)
@@ -102,7 +97,7 @@ def survey_page(survey: Survey) -> str:
             ],
             "One standard deviation of the best unbiased estimate from one reading of all elements. A: sum "
             "of the variances in units of 1 cm across, 10 cm along, 1 degree.",
-            bound_head(survey.here),
+            ["where", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in survey.here.names), "x with yaw", "A"],
             rows,
         ),
         section(

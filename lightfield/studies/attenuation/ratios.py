@@ -219,8 +219,8 @@ def _as_bands_scatter(found: Ratios) -> Ratios:
     own = own_share(found.y, found.stderr, found.path_m)
     if own == 1:
         return found
-    together = [(np.ones_like(found.y), np.sqrt(1 - own) * found.stderr)]
-    shared = of_places([(np.where(np.isfinite(error), one, np.nan), error) for one, error in together])
+    error = np.sqrt(1 - own) * found.stderr
+    shared = of_places([(np.where(np.isfinite(error), 1.0, np.nan), error)])
     percent = 100 * float(np.median(shared))
     return replace(
         found,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from lightfield.arrays import Array
 from lightfield.fitting.diffuse_light import DiffuseSource
@@ -131,12 +132,7 @@ class Stack:
                 np.concatenate([s, np.ones(e.modes.shape[1])])
                 for s, e in zip(errors, self.excess, strict=True)
             ]
-        H = np.zeros((sum(len(h) for h in blocks), sum(h.shape[1] for h in blocks)))
-        row = column = 0
-        for h in blocks:
-            H[row : row + len(h), column : column + h.shape[1]] = h
-            row, column = row + len(h), column + h.shape[1]
-        return H, np.concatenate(errors)
+        return block_diag(*blocks), np.concatenate(errors)
 
     def light(self, a: Array, b: Array) -> Array:
         """ln(all light / direct light), shape (n_rows, n_colours)."""

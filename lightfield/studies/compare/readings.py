@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -162,11 +163,10 @@ def correlations(fit: Fit) -> list[tuple[str, str, float]]:
     covariance = fit.covariance()
     sigma = np.sqrt(np.diag(covariance))
     out = []
-    for i, one in enumerate(fit.paths):
-        for j in range(i + 1, len(fit.paths)):
-            value = covariance[i, j] / (sigma[i] * sigma[j])
-            if np.isfinite(value) and abs(value) > _WORTH_PRINTING:
-                out.append((one, fit.paths[j], float(value)))
+    for i, j in combinations(range(len(fit.paths)), 2):
+        value = covariance[i, j] / (sigma[i] * sigma[j])
+        if np.isfinite(value) and abs(value) > _WORTH_PRINTING:
+            out.append((fit.paths[i], fit.paths[j], float(value)))
     return sorted(out, key=lambda c: -abs(c[2]))
 
 

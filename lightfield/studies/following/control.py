@@ -41,10 +41,6 @@ class Law(Protocol):
         """Along surge, sway, heave and yaw, shape (s, 4); integrals grow by `seconds` only where `lit`."""
 
 
-def _inertia(vehicle: Vehicle) -> Array:
-    return np.asarray(np.diag(vehicle.mass)[list(STEERED)])
-
-
 @dataclass
 class Pid:
     """Mass times (w^2 e - 2 d w v + 0.06 w^2 integral of e)."""
@@ -112,7 +108,7 @@ def _lqr_gains(inertia: float, drag: float, push: float) -> Array:
 
 def law_of(name: str, vehicle: Vehicle) -> Law:
     """One of pid, sliding, lqr for a vehicle."""
-    inertia = _inertia(vehicle)
+    inertia = np.diag(vehicle.mass)[list(STEERED)]
     linear, quadratic = (np.array(v)[list(STEERED)] for v in (vehicle.linear, vehicle.quadratic))
     if name == "pid":
         return Pid(inertia)

@@ -111,7 +111,7 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     space = space_of_mission(scene)
     observer = Observer(model, noise, names, space, gain_sigma, runs)
     whole = VEHICLES[mission.vehicle]
-    vehicle = whole if mission.degrees_of_freedom == 6 else _held(whole)
+    vehicle = whole if mission.degrees_of_freedom == 6 else replace(whole, free=STEERED)
     pilot = _Pilot(mission, law_of(mission.law, vehicle), vehicle, runs)
     seconds = 1 / array.sample_hz
     steps = int(np.ceil(seconds / STEP_S))
@@ -161,10 +161,6 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     kept["contact"] = list(contact)
     columns: dict[str, Any] = {name: np.array(values) for name, values in kept.items()}
     return Track(**columns)
-
-
-def _held(vehicle: Vehicle) -> Vehicle:
-    return replace(vehicle, free=STEERED)
 
 
 @dataclass

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from lightfield.report.page import PageFigure, SideBySide
-from lightfield.report.sections import Section, Table, study_page
+from lightfield.report.page import PageFigure, Section, SideBySide, Table, study_page
 
 
 def test_columns_of_words_are_read_from_the_left():
