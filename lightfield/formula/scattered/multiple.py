@@ -24,8 +24,9 @@ from scipy.interpolate import CubicSpline
 from scipy.special import j0
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.quadrature import HALF_PI, emission, finest_rad, interval, shares_at, turns
+from lightfield.formula.scattered.quadrature import emission, finest_rad, interval, shares_at, turns
 from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.lamp.profile import HALF_PI
 from lightfield.scene.water.phase.spec import TracedPhase
 from lightfield.storage.tables import kept_by_tables
 

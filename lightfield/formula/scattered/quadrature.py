@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.lamp.profile import HALF_PI
 from lightfield.scene.lamp.width import at_all_angles, half_width_rad, intensity
 from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase
 from lightfield.scene.water.phase.of_scene import phase_function
 from lightfield.scene.water.phase.spec import HenyeyGreenstein, TracedPhase, WithMolecules
 from lightfield.storage.tables import kept_by_tables
 
-HALF_PI = 0.5 * math.pi
-#: Angles of emission: so many nodes, out to so many half widths at 1e-6 of a Gaussian's light, or this angle.
-_LAMP_NODES, _HALF_WIDTHS, _WIDEST_RAD = 200, 4.6, 1.4
+#: Angles of emission: so many nodes, out to this angle at most.
+_LAMP_NODES, _WIDEST_RAD = 200, 1.4
 #: Factor between the last angles of emission that beams share.
 _LAST_STEP = 1.05
 #: Factors in 1 - g, and in the part that molecules scatter, within which phase functions share their angles.

@@ -176,32 +176,23 @@ def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) 
     on_plane = {z: np.flatnonzero(cz == z) for z in np.unique(cz).tolist()}
     near, weights = [], []
     for i, z in enumerate(cz.tolist()):
-        cells, _, rows = _expansion(cx, cy, on_plane[z], i, most_1d, most_2d, reach_rad * z)
+        cells, weight = _smoothed(cx, cy, on_plane[z], i, most_1d, most_2d, reach_rad * z)
         near.append(cells)
-        weights.append(rows[0])
+        weights.append(weight)
     ends = np.cumsum([0, *map(len, near)])
     out = sparse.csr_array((np.concatenate(weights), np.concatenate(near), ends), (len(cx), len(cx)))
     out.sort_indices()
     return out
 
 
-def _expansion(
-    x: np.ndarray,
-    y: np.ndarray,
-    same: np.ndarray,
-    i: int,
-    most_1d: int,
-    most_2d: int,
-    reach: float = np.inf,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least-squares quadratic about cell i: neighbours, terms (of 1, x, y, xx/2, xy, yy/2), weights.
-
-    A cell with too few neighbours is expanded to a constant.
-    """
+def _smoothed(
+    x: np.ndarray, y: np.ndarray, same: np.ndarray, i: int, most_1d: int, most_2d: int, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Neighbours of cell i, and their weights in the least-squares quadratic at it; with too few it stays."""
     most = most_1d if np.ptp(x[same]) == 0 or np.ptp(y[same]) == 0 else most_2d
     away = np.hypot(x[same] - x[i], y[same] - y[i])
     near = same[np.argsort(away, kind="stable")[: min(most, int((away <= reach).sum()))]]
     usable, weights = quadratic(tuple(np.round(x[near] - x[i], 9)), tuple(np.round(y[near] - y[i], 9)))
     if len(near) < len(usable):
-        return np.array([i]), usable[:1], np.ones((1, 1))
-    return near, usable, weights
+        return np.array([i]), np.ones(1)
+    return near, weights[0]

@@ -1,4 +1,4 @@
-"""Angular shape of the beam: relative radiant intensity, solid angle, and how to draw directions from it."""
+"""Angular shape of the beam: relative radiant intensity, and solid angle."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.curve import value_at
-from lightfield.scene.lamp.frame import has_round_section, is_even, is_lopsided
+from lightfield.scene.lamp.frame import is_even, is_lopsided
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import BeamTable, beam_table
 from lightfield.storage.tables import kept_by_tables
@@ -21,8 +21,6 @@ HALF_PI = 0.5 * math.pi
 GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(24)
 #: Nodes between the angles of a table, where it is linear; turns over a quarter of an oval beam.
 _FEW, OF_OVAL = np.polynomial.legendre.leggauss(6), 512
-#: Nodes of the table by which directions are drawn.
-_NODES = 4096
 
 
 def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLike) -> Array:
@@ -206,73 +204,3 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     middle: NDArray[Any] = 0.5 * (pieces[1:] + pieces[:-1])
     x, w = (GAUSS_X, GAUSS_W) if table is None else _FEW
     return (middle[:, None] + half[:, None] * x).ravel(), (half[:, None] * w).ravel()
-
-
-@kept_by_tables(64)
-def inverse_cdf_table(lamp: Lamp) -> tuple[Array, Array]:
-    """Cumulative beam power within an effective angle, and that angle: invert by interpolation.
-
-    Parameters
-    ----------
-    lamp : Lamp
-        Gaussian family, table or isotropic; what is not round is left out, see `sample`.
-
-    Returns
-    -------
-    u, theta_rad : array, shape (_NODES,)
-        Both rising, u from 0 to 1.
-    """
-    if lamp.profile == "isotropic":
-        whole: NDArray[Any] = np.linspace(0.0, math.pi, _NODES)
-        return np.sin(0.5 * whole) ** 2, whole
-    widest = max(math.radians(lamp.hwhm_deg), math.radians(lamp.skirt_hwhm_deg) * (lamp.skirt_fraction > 0))
-    if lamp.profile == "table" or lamp.profile_departure:
-        widest = HALF_PI
-    core = np.linspace(0.0, min(6.0 * widest, HALF_PI), _NODES * 3 // 4)
-    tail = np.linspace(core[-1], HALF_PI, _NODES - len(core) + 1)[1:] if core[-1] < HALF_PI else np.empty(0)
-    theta: NDArray[Any] = np.concatenate([core, tail])
-    half, middle = 0.5 * np.diff(theta), 0.5 * (theta[1:] + theta[:-1])
-    x, w = _FEW
-    at = middle[:, None] + half[:, None] * x
-    power = (radial_intensity(lamp, at * at) * np.sin(at)) @ w * half
-    u = np.concatenate([[0.0], np.cumsum(power)])
-    return u / u[-1], theta
-
-
-def sample(lamp: Lamp, u1: ArrayLike, u2: ArrayLike) -> tuple[Array, Array, Array]:
-    """Directions distributed like the beam.
-
-    Parameters
-    ----------
-    lamp : Lamp
-        Any profile.
-    u1, u2 : array, uniform in [0, 1)
-        Two random numbers per direction.
-
-    Returns
-    -------
-    theta_x_rad, theta_y_rad : array
-        Beam-frame angles.
-    weight : array
-        1 for a round beam; for others the ratio of beam to sampling density, up to a constant.
-    """
-    turn = 2.0 * math.pi * np.asarray(u2, dtype=float)
-    if lamp.profile == "pencil":
-        zero = np.zeros(np.broadcast_shapes(np.shape(u1), turn.shape))
-        return zero, zero.copy(), zero + 1.0
-    u, theta = inverse_cdf_table(lamp)
-    # Linear in sin^2(theta/2) between nodes: uniform per solid angle inside a cell.
-    s = np.interp(np.asarray(u1, dtype=float), u, np.sin(0.5 * theta) ** 2)
-    effective = 2.0 * np.arcsin(np.sqrt(s))
-    x, y = effective * np.cos(turn), lamp.ellipticity * effective * np.sin(turn)
-    table = table_of(lamp)
-    if lamp.profile == "isotropic" or has_round_section(lamp):
-        return effective * np.cos(turn), effective * np.sin(turn), np.ones_like(x)
-    wider = width_towards(lamp, x, y)
-    x, y = x * wider, y * wider
-    true = np.hypot(x, y)
-    weight = wider**2 * np.sinc(true / math.pi) / np.sinc(effective / math.pi) * (true <= HALF_PI)
-    if table is not None and not table.is_round:
-        mean = np.interp(effective, table.angle_rad, table.mean, right=0.0)
-        weight = weight * np.where(mean > 0, table.at(effective, turn) / np.maximum(mean, 1e-300), 0.0)
-    return x, y, weight

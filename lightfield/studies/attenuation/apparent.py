@@ -77,15 +77,14 @@ class Apparent:
         """Probability of a larger chi-square if the logarithm really falls on straight lines."""
         return misfit_p(self.estimate.chi2, self.estimate.dof)
 
-    def one_distance(self) -> tuple[Array, Array]:
-        """-ln(water / air) / s of every place by itself, gain and window uncorrected, and its error, 1/m.
+    def one_distance(self) -> Array:
+        """-ln(water / air) / s of every place by itself, gain and window uncorrected, 1/m.
 
         Shape (n_places, n_colours). Whatever factor lies between the media shifts it by -ln(factor) / s: a
         window of index n, whose lamp stands in water in one medium and in air in the other, has n^2.
         """
         r = self.ratios
-        shared, path = r.shared_stderr[:, None], r.path_m[:, None]
-        return -(r.y + r.geometry[:, None]) / path, np.hypot(r.stderr, shared) / path
+        return -(r.y + r.geometry[:, None]) / r.path_m[:, None]
 
     def dataset(self) -> xr.Dataset:
         """All numbers with their errors; covariance = diag(own^2) + modes @ modes^T."""

@@ -312,16 +312,12 @@ def _one_distance_lines(one: Apparent) -> list[str]:
     r = one.ratios
     if r.reference != "air":
         return []
-    shift = np.nanmean(one.one_distance()[0] - one.K_per_m, axis=1)
+    shift = np.nanmean(one.one_distance() - one.K_per_m, axis=1)
     shown = ", ".join(
-        f"{_signed(float(shift[at]))} per m at {r.path_m[at]:g} m"
+        f"{shift[at]:+.3f} per m at {r.path_m[at]:g} m"
         for at in (int(np.argmin(r.path_m)), int(np.argmax(r.path_m)))
     )
     return [f"from one distance alone, gain and window uncorrected: K off by {shown}"]
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.3f}"
 
 
 def _apparent_data(one: Apparent) -> dict[str, Any]:

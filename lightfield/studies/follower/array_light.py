@@ -235,11 +235,7 @@ class ArrayModel:
         return self._by_tilt(pose, LAMP_TILTS[name]) if name in LAMP_TILTS else self._by_water(pose, name)
 
     def by_pose(self, poses: Array, names: Sequence[str]) -> Array:
-        """Derivatives by coordinates of the pose, shape (m, n_elements, len(names))."""
-        return self.with_slopes(poses, names)[1]
-
-    def with_slopes(self, poses: Array, names: Sequence[str]) -> tuple[Array, Array]:
-        """`readings` and `by_pose`, from one look at the light: its slopes, and those of places and normals.
+        """Derivatives by coordinates of the pose, shape (m, n_elements, len(names)).
 
         A place turns with its element's arm, the reading with the place and with the normal.
         """
@@ -247,16 +243,13 @@ class ArrayModel:
         place, normal = placed(elements, poses)
         turned = [POSE.index(name) for name in names if name not in POSE[:3]]
         arm, facing = _by_angles(elements, poses, [k - 3 for k in turned])  # [angle, m, n, 3]
-        read, slopes = np.zeros(shape), np.zeros((*shape, len(names)))
+        slopes = np.zeros((*shape, len(names)))
         for flux, by_place in self.light.fluxes(place.reshape(-1, 3)):
             # What flies back, where it is known.
             back, part = flux[:, 3:].sum(axis=1).reshape(shape), seen_of_back(normal)
             back_by_place = by_place[:, 3:].sum(axis=1).reshape(*shape, 3)
-            read += part * back
             light, gradient = flux[:, :3].reshape(*shape, 3), by_place[:, :3].reshape(*shape, 3, 3)
-            one = -(light * normal).sum(axis=-1)
-            seen = one > 0
-            read += np.where(seen, one, 0.0)
+            seen = (light * normal).sum(axis=-1) < 0
             along = -(normal[:, :, None, :] @ gradient)[:, :, 0] * seen[..., None]  # by x, y, z
             along += part[..., None] * back_by_place
             turning = 0.5 * np.sign(normal[..., 2]) * back
@@ -268,7 +261,7 @@ class ArrayModel:
                     angle = turned.index(POSE.index(name))
                     slopes[..., k] += (along * arm[angle]).sum(-1) - (lit * facing[angle]).sum(-1)
                     slopes[..., k] += turning * facing[angle][..., 2]
-        return self.gain * read, self.gain * slopes
+        return self.gain * slopes
 
     @cached_property
     def _waters(self) -> dict[str, tuple[ArrayModel, ArrayModel]]:

@@ -14,7 +14,7 @@ from lightfield.scene import Lamp
 from lightfield.scene.lamp.frame import has_round_section, is_mirrored
 from lightfield.scene.lamp.luminaire_files import all_around
 from lightfield.scene.lamp.photometry import beam_table
-from lightfield.scene.lamp.profile import relative_intensity, sample, solid_angle_sr
+from lightfield.scene.lamp.profile import relative_intensity, solid_angle_sr
 from lightfield.scene.lamp.tabulated import save_intensity
 from lightfield.scene.lamp.width import stated_width_deg
 
@@ -93,18 +93,6 @@ def test_what_is_nearly_round_is_round(tmp_path: Path) -> None:
         )
         file = phi_table(tmp_path / f"{alike}.csv", values, np.arange(0.0, 91.0, 15.0))
         assert beam_table(str(file)).is_round is alike
-
-
-def test_directions_are_those_of_the_beam(tmp_path: Path) -> None:
-    """Weighted directions have its mean angles, within four standard errors (small angles: the shift)."""
-    lamp = table(phi_table(tmp_path / "aside.csv", aside, np.arange(0.0, 361.0, 5.0)))
-    rng, n = np.random.default_rng(4), 200_000
-    x, y, weight = sample(lamp, rng.random(n), rng.random(n))
-    for drawn, truth in zip((x, y), np.radians(ASIDE_DEG), strict=True):
-        mean = np.sum(weight * drawn) / weight.sum()
-        error = np.std(weight * (drawn - mean)) / weight.mean() / math.sqrt(n)
-        # sin(theta)/theta over a beam of 5 degrees moves the mean by about 0.3 %.
-        assert abs(mean - truth) < 4 * error + 0.005 * truth
 
 
 def test_a_beam_is_written_with_all_its_half_planes(tmp_path: Path) -> None:

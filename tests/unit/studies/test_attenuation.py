@@ -159,7 +159,7 @@ def test_a_window_between_media_is_free_and_spoils_one_distance_alone() -> None:
     found = attenuation(table(scene(window_index=1.334)), scene()).apparent[0]
     assert found.K_per_m == pytest.approx(truth_per_m(), abs=1e-6)
     assert found.estimate.theta[:, 0] == pytest.approx(2 * np.log(1.334), abs=1e-6)
-    off = found.one_distance()[0] - truth_per_m()
+    off = found.one_distance() - truth_per_m()
     assert off[0] == pytest.approx(-0.128, abs=5e-4) and off[-1] == pytest.approx(-0.068, abs=5e-4)
 
 
