@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,13 +54,10 @@ class Fitted:
 
     Parameters
     ----------
-    effects : tuple of str
-        "effect:form" of each.
     values, stderr : mapping
         By path, of base parameters and effects; a standard error is NaN where it is undetermined.
     """
 
-    effects: tuple[str, ...]
     values: Mapping[str, float]
     stderr: Mapping[str, float]
     score: Goodness
@@ -101,7 +98,7 @@ class Fits:
         """
         found = self.known(keys)
         if found is not None and near is None:
-            return replace(found, effects=keys)
+            return found
         chosen = self.explanation(keys)
         problem = self.experiment.problem
         model = problem.model(chosen)
@@ -109,7 +106,8 @@ class Fits:
         if chosen and near is None:
             base = self._begun(model)
             starts = [problem.default_start(base, chosen, size) for size in _STARTS]
-            starts += [_shaped(starts[0], chosen[-1], point) for point in chosen[-1].grid[1:MOST_SHAPES]]
+            first = starts[0]  # and with other shapes of the last effect
+            starts += [np.r_[first[: len(first) - len(at)], at] for at in chosen[-1].grid[1:MOST_SHAPES]]
             if len(keys) > 1 and (before := self.known(keys[:-1])) is not None:
                 starts.append(_start(model, before.values))
         fits = []
@@ -117,9 +115,9 @@ class Fits:
             follow(number / len(starts))
             fits.append(self._fit(model, start))
         best = min(fits, key=lambda fit: fit.chi2)
-        fitted = self._fitted(keys, best)
+        fitted = self._fitted(best)
         if found is not None and found.score.chi2 <= fitted.score.chi2:
-            return replace(found, effects=keys)
+            return found
         self._known[frozenset(keys)] = fitted
         return fitted
 
@@ -133,7 +131,7 @@ class Fits:
         )
         some = Model(model.forward, parameters)
         fit = self._fit(some, some.start)
-        return self._fitted(keys, fit)
+        return self._fitted(fit)
 
     def explanation(self, keys: Iterable[str]) -> tuple[Candidate, ...]:
         """The effects of some keys, which can be switched together.
@@ -177,14 +175,9 @@ class Fits:
         e = self.experiment
         return least_squares(model, e.problem.value, e.whiten, start, e.problem.keep, tolerance=_LEFT)
 
-    def _fitted(self, keys: tuple[str, ...], fit: Fit) -> Fitted:
+    def _fitted(self, fit: Fit) -> Fitted:
         score = self.score(fit.prediction, int((fit.model.high > fit.model.low).sum()))
-        return Fitted(keys, fit.values, fit.stderr(self.experiment.phi), score)
-
-
-def _shaped(start: Array, last: Candidate, point: tuple[float, ...]) -> Array:
-    """The start with other shapes of the last effect."""
-    return np.concatenate([start[: len(start) - len(point)], point]) if point else start
+        return Fitted(fit.values, fit.stderr(self.experiment.phi), score)
 
 
 def _start(model: Model, values: Mapping[str, float]) -> Array:

@@ -117,10 +117,9 @@ class Belief:
     Parameters
     ----------
     pose, believed : array, shape (6,), m and rad
-    gain : float
     covariance : array, shape (n, n), m and rad
-        Spread of the estimates by noise about `believed`, of the coordinates `names`; infinite on its
-        diagonal, and zero beside it, where the readings tell nothing.
+        Spread of the estimates by noise about `believed`, of the coordinates that are sought;
+        infinite on its diagonal, and zero beside it, where the readings tell nothing.
     trace_sigma : array, shape (n,), m and rad
         Standard error of the bias that the trace's readings have; not that of a K fitted to them.
     misfit : float
@@ -129,8 +128,6 @@ class Belief:
 
     pose: Array
     believed: Array
-    names: tuple[str, ...]
-    gain: float
     covariance: Array
     trace_sigma: Array
     misfit: float
@@ -170,7 +167,7 @@ def belief(
     moved = lever @ (truth.batches(pose) - readings).T
     trace = moved.std(axis=1) / np.sqrt(max(moved.shape[1] - 1, 1))
     free = len(readings) - len(names) - (gain_sigma > 0)
-    return Belief(pose, best, tuple(names), gain, covariance, trace, float(found.chi2[0]) / max(free, 1))
+    return Belief(pose, best, covariance, trace, float(found.chi2[0]) / max(free, 1))
 
 
 def _spread(

@@ -135,7 +135,7 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
         variance = noise.variance(clean) - (noise.mismatch * clean) ** 2
         observer.update(clean + np.sqrt(variance) * rng.standard_normal(clean.shape), seconds if k else 0.0)
         told = observer.filter
-        force = pilot.force(told.poses, told.rates, seconds, observer.lit & told.known, time)
+        force = pilot.force(told.poses, told.rates, seconds, observer.lit & told.known)
         sigma = np.zeros((runs, len(POSE)))
         sigma[:, told.at] = np.sqrt(np.einsum("sii->si", told.covariance)[:, : len(told.at)])
         now = {
@@ -200,7 +200,7 @@ class _Pilot:
         self.goal = np.full(self.runs, self.mission.standoff_m)
         self.most = np.array(self.vehicle.thrust)[list(STEERED)]
 
-    def force(self, pose: Array, rate: Array, seconds: float, lit: Mask, time_s: float) -> Array:
+    def force(self, pose: Array, rate: Array, seconds: float, lit: Mask) -> Array:
         """Shape (runs, 4)."""
         if self.mission.task == "dock":
             ahead = np.hypot(pose[:, 0], pose[:, 1]) < READY_M
