@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import BAD, DASH, INK, SERIES, banded, label, legend_below, panels
+from lightfield.studies.compare.rings import SIGMAS
 from lightfield.studies.link.study import Link
 from lightfield.studies.link.text import (
     HEAD,
@@ -23,8 +24,6 @@ from lightfield.studies.working_range.text import UNTOLD
 
 #: Below this many errors per bit a figure shows none.
 LEAST_BER = 1e-12
-#: Bands of so many standard errors.
-SIGMAS = 3.0
 
 
 def reach_figure(found: Link, narrow: bool = False) -> Figure:

@@ -22,6 +22,7 @@ from lightfield.report.style import (
     percent_axis,
     plain_log_axis,
 )
+from lightfield.studies.compare.rings import SIGMAS
 from lightfield.studies.working_range.reaches import POSE_RULES
 from lightfield.studies.working_range.study import WorkingRange
 from lightfield.studies.working_range.text import (
@@ -33,9 +34,6 @@ from lightfield.studies.working_range.text import (
     headline,
     rows,
 )
-
-#: Errors are drawn this many times as wide as one standard error.
-SIGMAS = 3.0
 
 
 def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:

@@ -23,6 +23,7 @@ from lightfield.errors import RenderError
 from lightfield.render.diffuse.diffuse_response import REFLECTED, DiffuseResponse
 from lightfield.render.diffuse.shift import ShiftParts
 from lightfield.render.diffuse.traced import TracedLight, TracedWater
+from lightfield.render.reflected.orders import DARKEST
 from lightfield.render.reflected.room import C_STEP
 from lightfield.render.response.open_ended import Lengths
 from lightfield.scene import Scene
@@ -34,8 +35,6 @@ from lightfield.scene.water.layers import layers_depth
 ALBEDOS = 7
 #: Attenuations that it is told at: every fourth of those at which it is known.
 _STEP_PER_M = 4 * C_STEP
-#: Light below this has no logarithm, in m^-2.
-_DARKEST = 1e-40
 
 
 @dataclass(frozen=True)
@@ -205,4 +204,4 @@ def _reflections(
     walls = [
         [(at(c, rho) - dark * np.exp(-c * way)) / rho for rho in albedos.tolist()] for c in nodes.tolist()
     ]
-    return Reflections(dark, way, _STEP_PER_M, albedos, np.log(np.maximum(walls, _DARKEST)))
+    return Reflections(dark, way, _STEP_PER_M, albedos, np.log(np.maximum(walls, DARKEST)))

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.storage.inputs import READINGS
-from lightfield.storage.tables import header_and_rows
+from lightfield.storage.tables import LARGEST, header_and_rows
 
 TIME = "time_s"
 
@@ -86,7 +86,3 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
     if timed:
         return Samples(found[:, 0], found[:, 1:])
     return Samples(np.arange(len(found)) / rate_hz, found)
-
-
-#: Readings and times whose squares must not overflow.
-LARGEST = 1e30

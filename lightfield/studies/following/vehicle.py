@@ -39,8 +39,6 @@ class Vehicle:
         Centres of gravity and of buoyancy, forward, starboard and down.
     thrust : tuple of 6 floats, N and N m
         Most that its thrusters give along every axis.
-    buoyancy_n : float or None
-        None: as much as it weighs.
     free : tuple of int
         Degrees of freedom that are not held at zero.
     """
@@ -53,7 +51,6 @@ class Vehicle:
     centre_m: tuple[float, float, float]
     buoyant_m: tuple[float, float, float]
     thrust: tuple[float, ...]
-    buoyancy_n: float | None = None
     free: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
 
     @cached_property
@@ -111,12 +108,12 @@ class Vehicle:
         return moved, after
 
     def _restoring(self, angles: Array) -> Array:
+        """Of weight and buoyancy, which are equal: the vehicle only rights itself."""
         weight = self.mass_kg * GRAVITY
-        buoyancy = weight if self.buoyancy_n is None else self.buoyancy_n
         roll, pitch = angles[:, 0], angles[:, 1]
         down = np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
-        lever = np.array(self.centre_m) * weight - np.array(self.buoyant_m) * buoyancy
-        return -np.concatenate([(weight - buoyancy) * down, _across(lever, down)], axis=1)
+        lever = np.array(self.centre_m) * weight - np.array(self.buoyant_m) * weight
+        return -np.concatenate([np.zeros_like(down), _across(lever, down)], axis=1)
 
 
 def attitude(angles: Array) -> Array:
