@@ -41,8 +41,8 @@ FELT = 0.1
 GAIN_SIGMA = 3.0
 #: Chi-square from which on water that amplifies is spoken of: two standard errors.
 AMPLIFIES = 4.0
-#: What a table in coarse steps leaves out of bright readings from which on it is spoken of. Chosen: of six sets
-#: with an offset one held other effects of lamp and receiver where it was 2 %, and five where it was 5 %.
+#: What a table in coarse steps leaves out of bright readings from which on it is spoken of. Chosen: of six
+#: sets with an offset one held other effects of lamp and receiver where it was 2 %, five where it was 5 %.
 COARSE = 0.01
 #: Exchanged columns leave this part of the misfit at most.
 EXCHANGED = 0.25
