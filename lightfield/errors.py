@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 SHOWN = 10  # so many problems of a list are printed
 LONGEST_VALUE, LONGEST_LINE = 300, 2000
@@ -14,33 +14,40 @@ LONGEST_LISTED = 80  # of a value on a line of a list
 
 @dataclass(frozen=True)
 class Complaint:
-    """What is wrong with one value, as data; its line is `str` of it.
+    """What is wrong with one thing, as data; its line is `str` of it.
 
     Parameters
     ----------
+    what, found, rule, remedy
+        As in `LightfieldError`; found where there are several lines is that of the first.
     key : str
-        Dotted path of the value; empty for the whole of what was read.
-    what : str
-        What is wrong, in one clause.
-    found : object, optional
-        The offending value.
-    rule, remedy : str, optional
-        As in `LightfieldError`.
+        Dotted path of a scene's value; empty for the whole of what was read.
+    where : str, optional
+        File, where it is another than the error's own.
+    lines : tuple of int
+        Lines of the file, from 1; none for the whole of it.
+    noun : str
+        What they are: "reading" in a table made by a program.
     """
 
-    key: str
     what: str
     found: object = None
     rule: str | None = None
     remedy: str | None = None
+    key: str = ""
+    where: str | None = None
+    lines: tuple[int, ...] = ()
+    noun: str = "line"
 
     @property
     def head(self) -> str:
-        """Key and what is wrong with it."""
-        return f"{self.key}: {self.what}" if self.key else self.what
+        """Where it is, and what is wrong."""
+        lines = f"{self.noun}{'s' * (len(self.lines) > 1)} {line_ranges(self.lines)}" if self.lines else ""
+        return ": ".join(filter(None, (self.key, self.where, lines, self.what)))
 
     def __str__(self) -> str:
-        return _told(self.head, self.found, self.rule, self.remedy, LONGEST_LISTED)
+        first = "first " if len(self.lines) > 1 else ""
+        return _told(self.head, self.found, self.rule, self.remedy, LONGEST_LISTED, first)
 
 
 class LightfieldError(Exception):
@@ -58,7 +65,7 @@ class LightfieldError(Exception):
         The rule it breaks, with the valid choices or range.
     remedy : str, optional
         What to do about it.
-    problems : sequence of str or Complaint, optional
+    problems : sequence of Complaint, optional
         All single problems found in one go; one alone stays on the line of `what`, and of many the first ten
         are printed.
     """
@@ -71,7 +78,7 @@ class LightfieldError(Exception):
         found: object = None,
         rule: str | None = None,
         remedy: str | None = None,
-        problems: Sequence[str | Complaint] = (),
+        problems: Sequence[Complaint] = (),
     ) -> None:
         self.what, self.where, self.found, self.rule, self.remedy = what, where, found, rule, remedy
         self.problems = tuple(problems)
@@ -82,11 +89,30 @@ class LightfieldError(Exception):
         else:
             super().__init__("\n".join([text, *(f"  {_line(line)}" for line in first_ten(lines))]))
 
+    @property
+    def complaints(self) -> tuple[Complaint, ...]:
+        """Every single problem, each with its file, rule and remedy; without any, the error itself."""
+        every = self.problems or (Complaint(self.what, self.found),)
+        return tuple(
+            replace(
+                one,
+                where=one.where or self.where,
+                rule=one.rule or self.rule,
+                remedy=one.remedy or self.remedy,
+            )
+            for one in every
+        )
 
-def _told(head: str, found: object, rule: str | None, remedy: str | None, longest: int) -> str:
+
+def _told(
+    head: str, found: object, rule: str | None, remedy: str | None, longest: int, first: str = ""
+) -> str:
     parts = [head]
-    if found is not None:
-        parts.append(f"found {brief(found, longest)}")
+    if isinstance(found, Mapping):
+        every = (f"{name} = {brief(value, longest)}" for name, value in found.items())
+        parts.append(f"found {', '.join(every)}")
+    elif found is not None:
+        parts.append(f"{first}found {brief(found, longest)}")
     if rule:
         parts.append(f"rule: {rule}")
     if remedy:
@@ -101,6 +127,21 @@ def first_ten(lines: Sequence[str]) -> list[str]:
     return [*lines[:SHOWN], f"and {len(lines) - SHOWN} more"]
 
 
+def line_ranges(lines: Sequence[int]) -> str:
+    """Line numbers in few characters: 3-5, 9; beyond ten such entries, how many more there are."""
+    out: list[str] = []
+    ordered = sorted(set(lines))
+    start = 0
+    for k, line in enumerate(ordered):
+        if len(out) == SHOWN:
+            out.append(f"and {len(ordered) - start} more")
+            break
+        if k + 1 == len(ordered) or ordered[k + 1] != line + 1:
+            out.append(str(line) if start == k else f"{ordered[start]}-{line}")
+            start = k + 1
+    return ", ".join(out)
+
+
 def did_you_mean(word: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
     """Remedy for a word that is not known: the nearest that is; None where none is near."""
     near = difflib.get_close_matches(word, list(known), n=1, cutoff=cutoff)
@@ -112,7 +153,7 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-def brief(value: object, longest: int) -> str:
+def brief(value: object, longest: int = LONGEST_LISTED) -> str:
     """A value as Python writes it, on one line of so many characters at most."""
     try:
         text = " ".join(repr(value).split())
@@ -133,24 +174,30 @@ class RuleError(ValueError):
     Parameters
     ----------
     rule : str
-        The rule, with what was found.
+        The rule.
     remedy : str, optional
         What to do about it.
-    told : bool
-        `rule` is a whole complaint with a rule of its own, about something that the value names.
+    found : object, optional
+        The offending value; where the rule is of several, their values by their keys.
+    about : tuple of Complaint
+        Of something that the value names, such as a table, with rules of their own; in the place of `rule`.
     """
 
-    def __init__(self, rule: str, remedy: str | None = None, told: bool = False) -> None:
-        self.rule, self.remedy, self.told = rule, remedy, told
-        super().__init__(rule if remedy is None else f"{rule}; remedy: {remedy}")
+    def __init__(
+        self,
+        rule: str,
+        remedy: str | None = None,
+        *,
+        found: object = None,
+        about: tuple[Complaint, ...] = (),
+    ) -> None:
+        self.rule, self.remedy, self.found, self.about = rule, remedy, found, about
+        super().__init__(str(Complaint(rule, found, remedy=remedy)))
 
     @classmethod
     def of(cls, error: LightfieldError) -> RuleError:
-        """The same from an error about something that the value names, on one line."""
-        bare = LightfieldError(
-            error.what, where=error.where, found=error.found, rule=error.rule, problems=error.problems
-        )
-        return cls(" | ".join(line.strip() for line in str(bare).splitlines()), error.remedy, told=True)
+        """The same from an error about something that the value names."""
+        return cls(error.what, about=error.complaints)
 
 
 class SceneWarning(UserWarning):

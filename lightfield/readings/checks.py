@@ -130,7 +130,7 @@ def _refuse(
     remedy: str | None = None,
 ) -> None:
     """Note the bad ones among the cells of a column, but for those that could not even be read."""
-    unread, values = noted.unread(), getattr(readings, name)
+    unread, values = noted.unread, getattr(readings, name)
     for k in np.flatnonzero(bad).tolist():
         if not unread & {(name, None), (name, lines[k])}:
             noted.add(f"{name} {what}", place=lines[k], found=values[k].item(), rule=rule, remedy=remedy)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from lightfield.readings.problems import line_ranges
+from lightfield.errors import line_ranges
 
 #: Names that a warning lists; of more it says how many.
 SHOWN = 5

@@ -2,25 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
-from lightfield.errors import SHOWN, MeasurementError, brief
+from lightfield.errors import Complaint, MeasurementError
 
 ALONE = 5  # so many problems of one kind are listed one by one; more share a line that names all their places
-LONGEST = 60
-
-
-@dataclass(frozen=True)
-class _Problem:
-    place: int | None
-    what: str
-    found: str | None
-    rule: str | None
-    remedy: str | None
-    column: str | None
-    whole: bool
 
 
 @dataclass
@@ -35,12 +22,15 @@ class Problems:
         What a place is: "line" in a file, "reading" in a table made by a program.
     head : mapping
         Line of every entry of the file's head.
+    unread : set
+        Column and line of the cells that could not be read; line None: the whole column.
     """
 
     where: str
     noun: str = "line"
-    found: list[_Problem] = field(default_factory=list)
+    found: list[Complaint] = field(default_factory=list)
     head: dict[str, int] = field(default_factory=dict)
+    unread: set[tuple[str, int | None]] = field(default_factory=set)
 
     def add(
         self,
@@ -62,71 +52,34 @@ class Problems:
         column : str, optional
             The column whose cell could not be read there; with `whole`, none of its cells could.
         """
-        shown = None if found is None else shorten(found)
-        self.found.append(_Problem(place, what, shown, rule, remedy, column, whole))
-
-    def unread(self) -> set[tuple[str, int | None]]:
-        """Column and line of the cells that could not be read; line None: the whole column."""
-        return {(p.column, None if p.whole else p.place) for p in self.found if p.column is not None}
+        lines = () if place is None else (place,)
+        self.found.append(Complaint(what, found, rule, remedy, lines=lines, noun=self.noun))
+        if column is not None:
+            self.unread.add((column, None if whole else place))
 
     def __bool__(self) -> bool:
         return bool(self.found)
 
-    def lines(self) -> list[str]:
-        """One line per problem; many of one kind share a line that lists all their places."""
-        kinds: dict[tuple[str, str | None, str | None], list[_Problem]] = {}
-        for problem in sorted(self.found, key=lambda p: p.place or 0):
+    def by_kind(self) -> list[Complaint]:
+        """Each problem; many of one kind are one that has all their lines."""
+        kinds: dict[tuple[str, str | None, str | None], list[Complaint]] = {}
+        for problem in sorted(self.found, key=lambda p: p.lines):
             kinds.setdefault((problem.what, problem.rule, problem.remedy), []).append(problem)
         out = []
         for group in kinds.values():
-            if len(group) > ALONE:
-                out.append(self._line(group[0], [p.place for p in group if p.place is not None]))
-            else:
-                out.extend(self._line(p, [] if p.place is None else [p.place]) for p in group)
+            every = tuple(line for one in group for line in one.lines)
+            out += [replace(group[0], lines=every)] if len(group) > ALONE else group
         return out
 
     def raise_any(self, what: str = "not a usable reading table") -> None:
         """Raise MeasurementError with all of them, when there are any."""
         if self.found:
-            lines = self.lines()
-            counted = f"{what}: {len(self.found)} problems" if len(lines) > 1 else what
-            raise MeasurementError(counted, where=self.where, problems=lines)
+            problems = self.by_kind()
+            counted = f"{what}: {len(self.found)} problems" if len(problems) > 1 else what
+            raise MeasurementError(counted, where=self.where, problems=problems)
 
     def refuse(self, what: str, why: str, **about: Any) -> NoReturn:
         """Note why the whole of it is of no use, as `add` takes it, and raise with all of them."""
         self.add(why, **about)
         self.raise_any(what)
         raise AssertionError  # not reached
-
-    def _line(self, problem: _Problem, places: Sequence[int]) -> str:
-        parts = [problem.what]
-        if places:
-            plural = "s" if len(places) > 1 else ""
-            parts[0] = f"{self.noun}{plural} {line_ranges(places)}: {problem.what}"
-        if problem.found is not None:
-            parts.append(f"{'first ' if len(places) > 1 else ''}found {problem.found}")
-        if problem.rule:
-            parts.append(f"rule: {problem.rule}")
-        if problem.remedy:
-            parts.append(f"remedy: {problem.remedy}")
-        return "; ".join(parts)
-
-
-def line_ranges(places: Sequence[int]) -> str:
-    """Line numbers in few characters: 3-5, 9; beyond ten such entries, how many more there are."""
-    out: list[str] = []
-    ordered = sorted(set(places))
-    start = 0
-    for k, place in enumerate(ordered):
-        if len(out) == SHOWN:
-            out.append(f"and {len(ordered) - start} more")
-            break
-        if k + 1 == len(ordered) or ordered[k + 1] != place + 1:
-            out.append(str(place) if start == k else f"{ordered[start]}-{place}")
-            start = k + 1
-    return ", ".join(out)
-
-
-def shorten(value: object) -> str:
-    """A value as it may stand in a one-line message."""
-    return brief(value, LONGEST)

@@ -8,8 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from lightfield.errors import MeasurementError
-from lightfield.readings.problems import shorten
+from lightfield.errors import MeasurementError, brief
 from lightfield.storage.inputs import FileKind, read_bytes
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
@@ -111,9 +110,9 @@ def decimal_mark(cells: Iterable[str]) -> str:
         if "," in cell and NUMBER.fullmatch(cell.replace(",", ".", 1)):
             comma = comma or cell
         if "," in cell and "." in cell and cell[0] in "+-.0123456789":
-            raise ValueError(f"{shorten(cell)} has a point and a comma")
+            raise ValueError(f"{brief(cell)} has a point and a comma")
     if point and comma:
-        raise ValueError(f"{shorten(point)} has a decimal point and {shorten(comma)} a decimal comma")
+        raise ValueError(f"{brief(point)} has a decimal point and {brief(comma)} a decimal comma")
     return "," if comma else "."
 
 

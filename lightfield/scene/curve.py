@@ -21,8 +21,10 @@ Shown = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 
 
 def _rising(nodes: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
-    if any(not after > before for (before, _), (after, _) in pairwise(nodes)):
-        raise RuleError("the first numbers of a curve's nodes must rise", "sort the nodes, drop doubles")
+    at = [first for first, _ in nodes]
+    if any(not after > before for before, after in pairwise(at)):
+        rule = "the first numbers of a curve's nodes must rise"
+        raise RuleError(rule, "sort the nodes, drop doubles", found=at)
     return nodes
 
 

@@ -150,22 +150,23 @@ class Detector(Part):
     @model_validator(mode="after")
     def _places_and_bands(self) -> Detector:
         if not self.planes_m and not self.positions_m:
-            raise RuleError("nothing to measure", "give planes_m or positions_m")
+            raise RuleError("there is something to measure", "give planes_m or positions_m")
         for name in ("acceptance_hwhm_deg", "cosine_error"):
             if getattr(self, name) and self.quantity != "irradiance":
-                raise RuleError(f"{name} is for irradiance, found {self.quantity}", "set it to 0")
+                raise RuleError(f"{name} is for irradiance", "set it to 0", found=self.quantity)
         if any(b <= a for a, b in zip(self.planes_m, self.planes_m[1:], strict=False)):
-            raise RuleError(f"planes_m must rise, found {list(self.planes_m)}", "sort them, drop doubles")
+            raise RuleError("planes_m must rise", "sort them, drop doubles", found=[*self.planes_m])
         if not self.bands_nm:
-            raise RuleError("no wavelength band", "give bands_nm = [[500, 550]]")
+            raise RuleError("there is a wavelength band", "give bands_nm = [[500, 550]]")
         for low, high in self.bands_nm:
             if high <= low:
-                raise RuleError(f"a band must rise, found [{low:g}, {high:g}]", "write [from, to]")
+                raise RuleError("a band must rise", "write [from, to]", found=[low, high])
         for one, other in pairwise(sorted(self.bands_nm, key=sum)):
             if sum(other) - sum(one) < 2 * _SAME_NM:
                 raise RuleError(
-                    f"bands are told apart by their middles, found {list(one)} and {list(other)}",
+                    "bands are told apart by their middles",
                     "move one of them a little, or write two scenes",
+                    found=[[*one], [*other]],
                 )
         self._sees_its_bands()
         return self
@@ -178,11 +179,12 @@ class Detector(Part):
         if self.response is None:
             return
         shift = self.wavelength_shift_nm
-        beside = f" that is read {shift:g} nm beside it" if shift else ""
+        beside = {"wavelength_shift_nm": shift} if shift else {}
         for low, high in self.bands_read_nm:
             inside = [at for at in self.spectral_response.knots_nm.tolist() if low < at < high]
             if not self.spectral_response.at([low, 0.5 * (low + high), high, *inside]).max() > 0:
                 raise RuleError(
-                    f"the response sees nothing of the band [{low - shift:g}, {high - shift:g}]{beside}",
+                    "the response sees something of every band",
                     "correct response or bands_nm" + (", or wavelength_shift_nm" if shift else ""),
+                    found={"band": [low - shift, high - shift], **beside},
                 )

@@ -79,21 +79,22 @@ class DetectorArray(Part):
             readable(read_rows, self.table, COLUMNS)
             *_, nx, ny, nz = read_rows(self.table, COLUMNS)
             if len(nx) > MOST_ELEMENTS:
-                raise RuleError(f"{self.table}: {len(nx)} elements", f"at most {MOST_ELEMENTS}")
+                elements = {f"elements in {self.table}": len(nx)}
+                raise RuleError(f"at most {MOST_ELEMENTS} elements", "leave some out", found=elements)
             if not (nx**2 + ny**2 + nz**2 > 0).all():
-                raise RuleError(f"{self.table}: a normal of length zero", "say where every element faces")
+                raise RuleError("no normal of length zero", "say where every element faces", found=self.table)
         if self.layout == "hemisphere" and not self.radius_m:
             raise RuleError("a hemisphere needs a radius", "give radius_m")
         if self.count[0] * self.count[1] > MOST_ELEMENTS:
             raise RuleError(
-                f"count makes {self.count[0] * self.count[1]} elements", f"at most {MOST_ELEMENTS}"
+                f"at most {MOST_ELEMENTS} elements", "a smaller count", found={"count": [*self.count]}
             )
         reach = 0.5 * self.size_m * (2**0.5 if self.layout == "grid" else 1.0)
         if self.layout in ("grid", "ring") and self.radius_m and reach >= self.radius_m:
             raise RuleError(
-                f"an array of size_m = {self.size_m:g} reaches {reach:.4g} m from its middle, too far "
-                f"for a sphere of radius_m = {self.radius_m:g}",
+                f"an array reaches less far from its middle ({reach:.4g} m) than the sphere that it lies on",
                 "a larger radius, or a smaller size",
+                found={"size_m": self.size_m, "radius_m": self.radius_m},
             )
         return self
 
@@ -152,12 +153,12 @@ class Mission(Part):
             readable(read_rows, self.leader_table, WAY_COLUMNS)
             time, *_ = read_rows(self.leader_table, WAY_COLUMNS)
             if not (np.diff(time) > 0).all():
-                raise RuleError(f"{self.leader_table}: times that do not rise", "sort the rows by time_s")
+                raise RuleError("times rise", "sort the rows by time_s", found=self.leader_table)
         if self.task == "dock" and self.dock_m >= self.standoff_m:
             raise RuleError(
-                f"dock_m = {self.dock_m:g} is not nearer than standoff_m = {self.standoff_m:g}",
-                "begin the way home farther from the lamp than the dock",
-            )
+                "dock_m is less than standoff_m", "begin the way home farther from the lamp than the dock",
+                found={"dock_m": self.dock_m, "standoff_m": self.standoff_m},
+            )  # fmt: skip
         return self
 
 

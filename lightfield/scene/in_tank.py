@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,9 +90,9 @@ def check_all_inside(detector: Detector, lamp: Lamp, follower: Follower | None, 
     nearest = detector.distances_m[0]
     if nearest < lamp.least_distance_m:
         raise RuleError(
-            f"a detector at z = {nearest:g} is too near to a source at {-lamp.apparent_distance_m:g} m "
-            "(lamp.apparent_distance_m), at least twice as far is needed",
+            "detectors are at least twice as far as the point that light seems to come from",
             "move the detector away, or write an apparent_distance_m nearer to 0",
+            found={"nearest z": nearest, "lamp.apparent_distance_m": lamp.apparent_distance_m},
         )
 
 
@@ -119,8 +121,9 @@ def check_inside(detector: Detector, tank: Tank) -> None:
         size = getattr(detector, name)
         if size is not None and size > room + ROUNDING_M:
             raise RuleError(
-                f"detector.{name} = {size:g} does not fit, the tank has {ends}",
+                f"it fits, and the tank has {ends}",
                 f"at most {room:.6g}, or leave it out: the plane is then clipped to the tank",
+                found={f"detector.{name}": size},
             )
 
 
@@ -138,16 +141,13 @@ def check_lamp_inside(lamp: Lamp, tank: Tank) -> None:
     RuleError
         Its window does not fit in there.
     """
-    for (name, (low, high)), sizes in zip(room_for_lamp_m(lamp, tank).items(), SIZES, strict=False):
+    for axis, (name, (low, high)) in enumerate(room_for_lamp_m(lamp, tank).items()):
         offset = getattr(lamp, name)
         if not low - ROUNDING_M <= offset <= high + ROUNDING_M:
-            window = f" and a window of lamp.radius_m = {lamp.radius_m:g}" if lamp.radius_m else ""
-            why = ", ".join(told(tank, size) for size in sizes)
-            raise RuleError(
-                f"lamp.{name} = {offset:g}{window} is outside the tank, {low:g} <= {name} <= {high:g} "
-                f"by {why}",
-                "move the lamp, or enlarge the tank",
-            )
+            window = {"lamp.radius_m": lamp.radius_m} if lamp.radius_m else {}
+            found = {f"lamp.{name}": offset, **window}
+            remedy = "move the lamp, or enlarge the tank"
+            raise _outside(f"{low:g} <= {name} <= {high:g}", axis, tank, found, remedy)
 
 
 def follower_in(follower: Follower | None, tank: Tank | None) -> Follower:
@@ -177,12 +177,11 @@ def water_in(water: Water, tank: Tank | None) -> Water:
 
 
 def _check_place(place: tuple[float, float, float], tank: Tank, remedy: str, what: str = "detector") -> None:
-    for axis, value, (low, high), sizes in zip("xyz", place, tank.box_m, SIZES, strict=True):
+    for k, (value, (low, high)) in enumerate(zip(place, tank.box_m, strict=True)):
         if not low <= value <= high:
-            x, y, z = place
-            why = ", ".join(told(tank, name) for name in sizes)
-            raise RuleError(
-                f"{what} at [{x:g}, {y:g}, {z:g}] is outside the tank, {low:g} <= {axis} <= {high:g} "
-                f"by {why}",
-                remedy,
-            )
+            raise _outside(f"{low:g} <= {'xyz'[k]} <= {high:g}", k, tank, {what: [*place]}, remedy)
+
+
+def _outside(rule: str, axis: int, tank: Tank, found: Mapping[str, object], remedy: str) -> RuleError:
+    why = ", ".join(told(tank, name) for name in SIZES[axis])
+    return RuleError(f"nothing is outside the tank, {rule} by {why}", remedy, found=found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
@@ -29,7 +30,8 @@ def scene_error(error: ValidationError, model: type[BaseModel], where: str) -> S
     where : str
         File name or other origin.
     """
-    return SceneError.of([_complaint(dict(problem), model) for problem in error.errors()], where)
+    complaints = (one for problem in error.errors() for one in _complaints(dict(problem), model))
+    return SceneError.of([*complaints], where)
 
 
 def absent_error(path: str, part: str) -> SceneError:
@@ -79,22 +81,23 @@ def nearest_keys(path: str, valid: Iterable[str]) -> str:
     return f"valid here are {', '.join(choices)}" if choices else "remove it"
 
 
-def _complaint(problem: Mapping[str, Any], model: type[BaseModel]) -> Complaint:
+def _complaints(problem: Mapping[str, Any], model: type[BaseModel]) -> list[Complaint]:
     owner, keys = _walk(model, tuple(problem["loc"]))
     path, kind, value = ".".join(keys), str(problem["type"]), problem.get("input")
     if kind == "extra_forbidden":
         prefix = "".join(f"{key}." for key in keys[:-1])
         valid = [prefix + name for name in owner.model_fields]
-        return Complaint(path, "unknown key", value, "only known keys", nearest_keys(path, valid))
+        return [Complaint("unknown key", value, "only known keys", nearest_keys(path, valid), path)]
     rule, remedy = _rule(problem, owner, keys)
-    error = problem.get("ctx", {}).get("error")
-    if isinstance(error, RuleError) and error.told:
-        return Complaint(path or "scene", rule, remedy=remedy)
-    if kind in ("missing", "value_error"):
-        value, what = None, "missing" if kind == "missing" else "not possible"
+    if isinstance(error := problem.get("ctx", {}).get("error"), RuleError):
+        if error.about:
+            return [replace(one, key=path or "scene") for one in error.about]
+        value, what = error.found, "not possible"
+    elif kind == "missing":
+        value, what = None, "missing"
     else:
         what = "wrong value" if value is not None else "no value"
-    return Complaint(path, what if path else f"the scene as a whole is {what}", value, rule, remedy)
+    return [Complaint(what if path else f"the scene as a whole is {what}", value, rule, remedy, path)]
 
 
 def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel], list[str]]:

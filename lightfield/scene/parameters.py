@@ -383,7 +383,7 @@ def _resolve(value: str, info: ValidationInfo) -> str:
     folder = (info.context or {}).get(FOLDER_KEY, os.curdir)
     path = Path(os.path.abspath(Path(folder, value).expanduser()))
     if not path.is_file():
-        raise RuleError(f"no such file: {path}", "give a path relative to the scene file")
+        raise RuleError("a file that exists", "give a path relative to the scene file", found=str(path))
     return str(path)
 
 

@@ -75,11 +75,11 @@ class Scene(Part):
         names = [effect.name for effect in self.effect]
         for name, count in Counter(names).items():
             if count > 1:
-                at = " and ".join(str(k) for k, other in enumerate(names, 1) if other == name)
+                at = [k for k, other in enumerate(names, 1) if other == name]
                 raise RuleError(
-                    f"each [[effect]] has a name of its own, found {name!r} in the tables {at}",
-                    "rename all of them but one",
-                )
+                    "each [[effect]] has a name of its own", "rename all of them but one",
+                    found={"name": name, "tables": at},
+                )  # fmt: skip
         return self
 
     @model_validator(mode="after")
@@ -104,9 +104,10 @@ class Scene(Part):
             raise RuleError.of(error) from error
         if least < 0:
             raise RuleError(
-                f"water.absorption_per_m = {self.water.absorption_per_m:g} makes the absorption at "
-                f"{at_nm:g} nm {least:.3g} 1/m, which must be >= 0",
+                f"with what the base absorbs it is >= 0 (1/m) at every wavelength; at {at_nm:g} nm it is "
+                f"{least:.3g}",
                 f"write at least {math.ceil(1e4 * (self.water.absorption_per_m - least)) / 1e4:.4f}",
+                found={"water.absorption_per_m": self.water.absorption_per_m},
             )
         return self
 

@@ -71,8 +71,9 @@ class Tank(Part):
         if isinstance(reflectance, int | float) and reflectance > 0:
             if data.get("surface", "flat") == "none":
                 raise RuleError(
-                    f'surface_reflectance = {reflectance} with surface "none"', 'write surface = "flat"'
-                )
+                    "only a flat surface has a reflectance", 'write surface = "flat"',
+                    found={"surface": "none", "surface_reflectance": reflectance},
+                )  # fmt: skip
             return {**data, "surface": data.get("surface", "flat")}
         return data
 
@@ -81,9 +82,11 @@ class Tank(Part):
         self._lamp_at_half_depth()
         for inner, outer in (("lamp_depth_m", "depth_m"), ("behind_lamp_m", "length_m")):
             if getattr(self, inner) >= getattr(self, outer):
+                stated = inner in self.model_fields_set
                 raise RuleError(
-                    f"{inner} must be less than {outer}, found {told(self, inner)} and {told(self, outer)}",
-                    "correct the one, or give the other",
+                    f"{inner} must be less than {told(self, outer)}",
+                    f"correct the one or the other{'' if stated else f': {inner} is its default'}",
+                    found={inner: getattr(self, inner)},
                 )
         return self
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import RuleError, SceneError
+from lightfield.errors import Complaint, RuleError, SceneError
 from lightfield.storage.inputs import TABLE, FileKind, kept_by_file, read_bytes
 
 Value = TypeVar("Value")
@@ -139,30 +139,31 @@ def _read(path: str, columns: tuple[str, ...], ordered: bool) -> tuple[Array, ..
         )  # fmt: skip
     places = [header.index(name) for name in columns]
     largest = [LARGEST_PER_M if name.endswith("_per_m") else LARGEST for name in columns]
-    problems: list[str] = []
+    problems: list[Complaint] = []
     values: list[list[float]] = []
     numbers = [cells[place] for _, cells in rows for place in places if place < len(cells)]
     if any("." in cell for cell in numbers) and any("," in cell for cell in numbers):
-        problems.append("decimal points and decimal commas")
+        problems.append(Complaint("decimal points and decimal commas"))
     for number, cells in rows:
         try:
             row = [float(cells[place].replace(",", ".")) for place in places]
         except (ValueError, IndexError):
-            problems.append(f"line {number}: not numbers: {','.join(cells)}")
+            problems.append(Complaint("not numbers", ",".join(cells), lines=(number,)))
             continue
-        if not ordered and not all(abs(value) <= LARGEST for value in row):
-            problems.append(f"line {number}: too large or not finite: {','.join(cells)}")
-        elif not ordered:
-            pass
+        wrong = ""
+        if not ordered:
+            wrong = "" if all(abs(value) <= LARGEST for value in row) else "too large or not finite"
         elif not all(math.isfinite(value) and value >= 0 for value in row):
-            problems.append(f"line {number}: negative or not finite: {','.join(cells)}")
+            wrong = "negative or not finite"
         elif any(value > most for value, most in zip(row, largest, strict=True)):
-            problems.append(f"line {number}: too large: {','.join(cells)}")
+            wrong = "too large"
         elif values and row[0] <= values[-1][0]:
-            problems.append(f"line {number}: {columns[0]} must rise, {row[0]:g} after {values[-1][0]:g}")
+            wrong = f"{columns[0]} must rise above {values[-1][0]:g}"
+        if wrong:
+            problems.append(Complaint(wrong, ",".join(cells), lines=(number,)))
         values.append(row)
     if not problems and len(values) < 1 + ordered:
-        problems.append("fewer than two rows" if ordered else "no row")
+        problems.append(Complaint("fewer than two rows" if ordered else "no row"))
     if problems:
         per_m = f" ({LARGEST_PER_M:g} per m)" if LARGEST_PER_M in largest else ""
         rule = (

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lightfield.errors import OutputError, UsageError
+from lightfield.errors import Complaint, OutputError, UsageError
 from lightfield.formula.own_formulas import lit
 from lightfield.maps.dataset import QUANTITIES
 from lightfield.scene import Scene
@@ -92,7 +92,7 @@ def verify(path: str | Path) -> Soundness:
         where=str(path),
         rule="every file has the digest that the journal noted",
         remedy="run its sweep again: it makes the damage good",
-        problems=problems,
+        problems=[Complaint("not as it was written", where=name) for name in problems],
     )
 
 

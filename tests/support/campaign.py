@@ -68,7 +68,7 @@ def run(folder: Path, rows: list[str], names="file,z_m,x_m,time_s,role", **optio
 def problems(folder: Path, rows: list[str], names="file,z_m,x_m,time_s,role", **options) -> list[str]:
     with pytest.raises(MeasurementError) as caught:
         run(folder, rows, names, **options)
-    return list(caught.value.problems)
+    return [*map(str, caught.value.problems)]
 
 
 def codes(readings: Readings) -> set[str]:

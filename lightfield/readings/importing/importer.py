@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array, Mask
-from lightfield.errors import MeasurementError
+from lightfield.errors import Complaint, MeasurementError
 from lightfield.readings import units
 from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.importing import places, provenance, reduction, saturation
@@ -125,17 +125,8 @@ def _read_files(
         try:
             spectra = read_spectra(entry.path, columns)
         except MeasurementError as error:
-            if error.problems:
-                for one in error.problems:
-                    problems.add(f"{entry.file}: {one}", place=entry.line)
-            else:
-                problems.add(
-                    f"{entry.file}: {error.what}",
-                    place=entry.line,
-                    found=error.found,
-                    rule=error.rule,
-                    remedy=error.remedy,
-                )
+            for one in error.problems or (Complaint(error.what, error.found, error.rule, error.remedy),):
+                problems.found.append(replace(one, what=f"{entry.file}: {one.head}", lines=(entry.line,)))
             continue
         chosen = _chosen(entry, spectra, problems)
         for number, spectrum in enumerate(chosen, 1):

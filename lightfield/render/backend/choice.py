@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lightfield.errors import BackendError, LightfieldError
+from lightfield.errors import BackendError, Complaint, LightfieldError
 from lightfield.render.backend import cuda, llvm
 from lightfield.storage.cache import cache_dir, with_room
 
@@ -149,7 +149,7 @@ def _llvm_library() -> llvm.Library:
         problem = library.problem or llvm.load_problem(library)
         if not problem:
             return library
-        refused.append(f"{library.path} {problem}")
+        refused.append(Complaint(f"{library.path} {problem}"))
     raise BackendError(
         f"no usable libLLVM ({llvm.OLDEST} or newer)",
         found=None if refused else "none on this machine",

@@ -112,7 +112,7 @@ class Expression:
 
 
 def _refused(found: str) -> RuleError:
-    return RuleError(f"a formula holds {found}; allowed are {RULE}", "write it with these alone")
+    return RuleError(f"a formula holds {RULE}", "write it with these alone", found=found)
 
 
 def _check(node: ast.AST) -> None:

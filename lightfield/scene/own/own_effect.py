@@ -63,13 +63,14 @@ class OwnParameter(Part):
     def _values_are_in_range(self) -> OwnParameter:
         low, high = self.range
         if not low < high:
-            raise RuleError(f"the range {low:g} to {high:g} is empty", "write [lowest, highest]")
+            raise RuleError("a range must rise", "write [lowest, highest]", found=[low, high])
         for name in ("neutral", "value"):
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
-                raise RuleError(f"{name} = {value:g} is not within {low:g} to {high:g}", "widen the range")
+                raise RuleError(f"within {low:g} to {high:g}", "widen the range", found={name: value})
         if self.typical is not None and not 0 < self.typical <= high - low:
-            raise RuleError(f"typical = {self.typical:g} is no size within the range", "write one above 0")
+            typical = {"typical": self.typical}
+            raise RuleError("a size within the range", "write one above 0", found=typical)
         return self
 
     @property
@@ -107,25 +108,30 @@ class OwnEffect(Part):
         where = f"formula of {self.name}"
         taken = {*CONSTANTS, *FUNCTIONS, *VARIABLES["readout"]} & self.parameters.keys()
         if taken:
-            raise RuleError(f"{where}: {', '.join(sorted(taken))} means something else", "rename it")
+            raise RuleError(
+                f"{where}: parameters have names of their own", "rename it", found=", ".join(sorted(taken))
+            )
         unknown = expression.names - {*variables, *self.parameters}
         if unknown:
             raise RuleError(
-                f"{where}: unknown {', '.join(sorted(name[:40] for name in unknown))}; at the stage "
-                f"{self.stage} there are {', '.join(variables)}",
+                f"{where}: at the stage {self.stage} there are {', '.join(variables)}",
                 "declare it under parameters, or choose another stage",
+                found=", ".join(sorted(name[:40] for name in unknown)),
             )
         unused = self.parameters.keys() - expression.names
         if unused:
-            raise RuleError(f"{where}: without {', '.join(sorted(unused))}", "drop what it does not use")
+            raise RuleError(
+                f"{where}: it uses every parameter", "drop what it does not use",
+                found=f"without {', '.join(sorted(unused))}",
+            )  # fmt: skip
         if all(p.neutral is None for p in self.parameters.values()):
-            raise RuleError(f"{where}: no parameter has a neutral value", "say which value switches it off")
+            raise RuleError(f"{where}: some parameter has a neutral value", "say which value switches it off")
         if (
             self.stage == "source"
             and "theta" in expression.names
             and expression.names & {"time", "wavelength"}
         ):
-            raise RuleError(f"{where}: theta together with time or wavelength", "make two effects of it")
+            raise RuleError(f"{where}: no theta beside time or wavelength", "make two effects of it")
         self._check_neutral(where)
         return self
 
@@ -146,7 +152,7 @@ class OwnEffect(Part):
             off_by = self._expression({**at, **shapes, **off}) - (signal if self.stage == "readout" else 1.0)
             if not (np.abs(off_by) <= _NEUTRAL).all():
                 gives = "the signal" if self.stage == "readout" else "1"
-                raise RuleError(f"{where}: with its neutral values it does not give {gives}", "correct it")
+                raise RuleError(f"{where}: with its neutral values it gives {gives}", "correct it")
 
     @cached_property
     def _expression(self) -> Expression:

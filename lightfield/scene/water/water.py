@@ -120,8 +120,9 @@ class Water(Part):
     def _only_a_base_can_be_clearer(cls, value: float, info: ValidationInfo) -> float:
         if value < 0 and info.data.get("base") == "none":
             raise RuleError(
-                f"found {value:g}, a number >= 0 (1/m) in water without a base",
+                "a number >= 0 (1/m) in water without a base",
                 "write absorption_per_m = a value >= 0, or name a base",
+                found=value,
             )
         return value
 
@@ -130,7 +131,7 @@ class Water(Part):
         wavelengths = [wavelength for wavelength, _ in self.absorption_at]
         if any(b <= a for a, b in pairwise(wavelengths)):
             raise RuleError(
-                f"wavelengths of absorption_at must rise, found {wavelengths}", "sort them, drop doubles"
+                "wavelengths of absorption_at must rise", "sort them, drop doubles", found=wavelengths
             )
         if self.base == "table" and self.table is None:
             raise RuleError('base "table" needs table', 'add table = "file.csv"')
@@ -138,7 +139,7 @@ class Water(Part):
             readable(read_columns, self.table, ("wavelength_nm", "absorption_per_m", "scattering_per_m"))
         known = ["none", "pure", "table", *list_presets()]
         if self.base not in known:
-            if near := did_you_mean(self.base, known, cutoff=0.4):
-                raise RuleError(f'base "{self.base}" is not known', near)
-            raise RuleError(f'base "{self.base}" is not one of {", ".join(known)}', "choose one of them")
+            near = did_you_mean(self.base, known, cutoff=0.4)
+            rule = "a known base" if near else f"one of {', '.join(known)}"
+            raise RuleError(rule, near or "choose one of them", found={"base": self.base})
         return self

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.errors import MeasurementError
+from lightfield.errors import Complaint, MeasurementError
 from lightfield.storage.inputs import READINGS
 from lightfield.storage.tables import LARGEST, header_and_rows
 
@@ -62,21 +62,22 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
         )
     timed = TIME in header
     columns = [header.index(name) for name in ([TIME] if timed else []) + wanted]
-    problems: list[str] = []
+    problems: list[Complaint] = []
     values: list[list[float]] = []
     for number, cells in rows:
         try:
             row = [float(cells[k].replace(",", ".")) for k in columns]
         except (ValueError, IndexError):
-            problems.append(f"line {number}: not {len(columns)} numbers")
+            problems.append(Complaint(f"not {len(columns)} numbers", lines=(number,)))
             continue
         if not np.isfinite(row).all() or max(map(abs, row)) > LARGEST:
-            problems.append(f"line {number}: not finite, or too large")
+            problems.append(Complaint("not finite, or too large", lines=(number,)))
         elif timed and values and row[0] <= values[-1][0]:
-            problems.append(f"line {number}: {TIME} must rise, {row[0]:g} after {values[-1][0]:g}")
+            wrong = f"{TIME} must rise above {values[-1][0]:g}"
+            problems.append(Complaint(wrong, row[0], lines=(number,)))
         values.append(row)
     if not problems and not values:
-        problems.append("no line with readings")
+        problems.append(Complaint("no line with readings"))
     if problems:
         raise MeasurementError(
             f"{len(problems)} bad line(s)", where=where, rule=f"finite numbers, {TIME} rising",

@@ -202,7 +202,7 @@ def test_problems_of_file_and_scene_come_together_with_lines(tmp_path):
     path.write_text("z_m,value,x_m\n1,2,0\n1.5,nan,0\n2,2,7\n")
     with pytest.raises(MeasurementError) as caught:
         read_table(path, scene())
-    assert [line.split(":")[0] for line in caught.value.problems] == ["line 3", "line 4"]
+    assert [one.lines for one in caught.value.problems] == [(3,), (4,)]
 
 
 # --- blindness

@@ -45,8 +45,8 @@ def load(tmp_path: Path):
 def problems(load, content: str | bytes) -> list[str]:
     with pytest.raises(MeasurementError) as caught:
         load(content)
-    assert all("\n" not in line for line in caught.value.problems)
-    return list(caught.value.problems)
+    assert all("\n" not in str(one) for one in caught.value.problems)
+    return [*map(str, caught.value.problems)]
 
 
 def canonical(tree: object) -> str:

@@ -142,10 +142,9 @@ def test_water_amplifies_nowhere_in_a_band_as_it_is_read(band: list[float], shif
 
 def test_bands_of_one_middle_are_refused() -> None:
     """Maps, images and comparisons are told apart by it: a render of both had no images."""
-    with pytest.raises(
-        SceneError, match=r"told apart by their middles.*\[500.0, 550.0\] and \[520.0, 530.0\]"
-    ):
+    with pytest.raises(SceneError, match="told apart by their middles") as caught:
         Scene.from_dict({"detector": {"bands_nm": [[500.0, 550.0], [400.0, 410.0], [520.0, 530.0]]}})
+    assert caught.value.found == [[500.0, 550.0], [520.0, 530.0]]
     Scene.from_dict({"detector": {"bands_nm": [[500.0, 550.0], [520.0, 530.01]]}})
 
 
@@ -155,7 +154,5 @@ def test_a_response_has_to_see_the_band_that_is_read(tmp_path: Path) -> None:
     table.write_text("wavelength_nm,response\n490,0\n500,1\n550,1\n560,0\n", encoding="utf-8")
     detector = {"response_table": str(table), "bands_nm": [[500.0, 510.0]]}
     Scene.from_dict({"detector": detector | {"wavelength_shift_nm": -15.0}})
-    with pytest.raises(
-        SceneError, match=r"sees nothing of the band .500, 510. that is read -50 nm beside it"
-    ):
+    with pytest.raises(SceneError, match=r"found band = \[500.*shift_nm = -50.*sees something of every band"):
         Scene.from_dict({"detector": detector | {"wavelength_shift_nm": -50.0}})

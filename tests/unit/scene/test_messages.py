@@ -48,7 +48,7 @@ WRONG = {
     "table without file": ('[lamp]\nprofile = "table"', ["intensity_table"]),
     "file not there": (
         '[lamp]\nprofile = "table"\nintensity_table = "no.csv"',
-        ["lamp.intensity_table", "no such file"],
+        ["lamp.intensity_table", "a file that exists"],
     ),
     "spectrum without table": ('[lamp]\nspectrum = "table"', ["spectrum_table"]),
     "unknown phase": ('[water]\nphase = { type = "hg" }', ["water.phase", "'henyey-greenstein'"]),
@@ -81,7 +81,7 @@ WRONG = {
         "[detector]\nbands_nm = [[5e-7, 550]]",
         ["detector.bands_nm", "greater than or equal to 200"],
     ),
-    "no band": ("[detector]\nbands_nm = []", ["no wavelength band"]),
+    "no band": ("[detector]\nbands_nm = []", ["a wavelength band", "remedy: give bands_nm"]),
     "two numbers for a place": ("[detector]\npositions_m = [[0, 4.5]]", ["detector.positions_m"]),
     "half a pixel": ("[detector]\npixels = 64.5", ["detector.pixels", "whole number"]),
     "unknown quantity": ('[detector]\nquantity = "flux"', ["detector.quantity", "'irradiance'"]),
@@ -150,8 +150,8 @@ def test_what_is_wrong_with_one_value_alone_is_told_as_fields() -> None:
     ("content", "words"),
     [
         ("angle,intensity\n0,1\n5,0.5\n", ["column angle_deg missing"]),
-        ("angle_deg,intensity\n0,1\n5,x\n4,0.1\n", ["line 3: not numbers: 5,x"]),
-        ("angle_deg,intensity\n0,1\n5,0.5\n5,0.1\n", ["line 4: angle_deg must rise, 5 after 5"]),
+        ("angle_deg,intensity\n0,1\n5,x\n4,0.1\n", ["line 3: not numbers; found '5,x'"]),
+        ("angle_deg,intensity\n0,1\n5,0.5\n5,0.1\n", ["line 4: angle_deg must rise above 5; found '5,0.1'"]),
         ("angle_deg,intensity\n0,1\n5,-0.5\n", ["line 3: negative"]),
         ("angle_deg,intensity\n0,1\n5,1e200\n", ["line 3: too large"]),
         ("angle_deg,intensity\n1,1\n5,0.5\n", ["starts on the axis", "1 to 5 deg"]),
@@ -184,16 +184,19 @@ def test_unreadable_files(tmp_path: Path) -> None:
 def test_a_rule_and_its_remedy_are_two_fields(tmp_path: Path) -> None:
     """Validators tell them apart, whatever words they use; also those of a table that a scene names."""
     assert str(RuleError("a; remedy: b", "c")) == "a; remedy: b; remedy: c" and str(RuleError("a")) == "a"
-    found = SceneError("bad", where="t.csv", rule="numbers", remedy="mend it", problems=["line 1", "line 2"])
-    assert RuleError.of(found).rule == "t.csv: bad; rule: numbers | line 1 | line 2"
-    assert RuleError.of(found).remedy == "mend it"
+    found = [Complaint("bad", 3, lines=(1,)), Complaint("bad", 4, remedy="drop it", lines=(2,))]
+    one, other = RuleError.of(
+        SceneError("2 bad", where="t.csv", rule="numbers", remedy="mend it", problems=found)
+    ).about
+    assert str(one) == "t.csv: line 1: bad; found 3; rule: numbers; remedy: mend it"
+    assert str(other) == "t.csv: line 2: bad; found 4; rule: numbers; remedy: drop it"
     with pytest.raises(ValidationError) as caught:
         Lamp(profile="two-component")
     assert caught.value.errors()[0]["ctx"]["error"].remedy == "add skirt_fraction"
     table = tmp_path / "; remedy: x"  # a name of a file is no part of the sentence
     with pytest.raises(SceneError) as missing:
         Scene.from_toml(f'[lamp]\nprofile = "table"\nintensity_table = "{table}"')
-    assert f"rule: no such file: {table}; remedy: give a path" in str(missing.value)
+    assert f"found {str(table)!r}; rule: a file that exists; remedy: give a path" in str(missing.value)
 
 
 def test_the_complaint_of_a_table_is_told_once_with_its_own_rule(tmp_path: Path) -> None:
@@ -204,7 +207,7 @@ def test_the_complaint_of_a_table_is_told_once_with_its_own_rule(tmp_path: Path)
         Scene.load(scene)
     told = str(caught.value)
     assert told.count("rule: ") == told.count("remedy: ") == 1 and "not possible" not in told
-    assert "lamp.csv: 1 bad line" in told and "10,x" in told
+    assert "lamp.csv: line 3: not numbers; found '10,x'" in told
 
 
 def test_a_water_is_known_in_small_letters_too() -> None:
@@ -214,6 +217,6 @@ def test_a_water_is_known_in_small_letters_too() -> None:
 def test_a_value_that_does_not_fit_the_rest_is_named() -> None:
     """Not as "values: scene: not possible"."""
     with pytest.raises(
-        SceneError, match=r"^tank\.length_m = 3\.0: the scene as a whole is not possible; rule: "
+        SceneError, match=r"^tank\.length_m = 3\.0: the scene as a whole is not possible; found detector = "
     ):
         Scene.from_toml("[tank]\nlength_m = 12").with_values({"tank.length_m": 3.0})

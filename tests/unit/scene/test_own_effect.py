@@ -64,7 +64,7 @@ def test_its_numbers_are_parameters_of_the_scene() -> None:
         assert changed.digest() != scene.digest()
     with pytest.raises(SceneError, match=r"did you mean effect\.shadow\.depth"):
         scene.with_values({"effect.shadow.dept": 1.0})
-    with pytest.raises(SceneError, match=r"0\.95 is not within 0 to 0\.9"):
+    with pytest.raises(SceneError, match=r"found value = 0\.95; rule: within 0 to 0\.9"):
         scene.with_values({"effect.shadow.depth": 0.95})
 
 
@@ -146,14 +146,14 @@ def broken(**changes: Any) -> dict[str, Any]:
 
 
 BAD = {
-    "an unknown name": (broken(formula="1 - depth*exp(-((x - x0)/breadth)**2)"), "unknown breadth"),
-    "a variable of another stage": (broken(formula=SHADOW["formula"] + " + 0*signal"), "unknown signal"),
+    "an unknown name": (broken(formula="1 - depth*exp(-((x - x0)/breadth)**2)"), "found .breadth."),
+    "a variable of another stage": (broken(formula=SHADOW["formula"] + " + 0*signal"), "found .signal."),
     "no formula": (broken(formula="1 - depth*exp("), "what is no formula"),
     "a hostile formula": (broken(formula="__import__('os').system('true')"), "a call of"),
-    "not neutral": (broken(formula="depth*x0*width"), "does not give 1"),
+    "not neutral": (broken(formula="depth*x0*width"), "with its neutral values it gives 1"),
     "nothing neutral": (
         broken(parameters={k: {"range": [0.1, 1.0]} for k in SHADOW["parameters"]}),
-        "no parameter has a neutral value",
+        "some parameter has a neutral value",
     ),
     "an unused parameter": (
         broken(parameters={**SHADOW["parameters"], "idle": {"range": [0.0, 1.0]}}),
@@ -161,15 +161,15 @@ BAD = {
     ),
     "a name that is taken": (
         broken(formula="1 - r*x", parameters={"r": {"range": [0.0, 1.0], "neutral": 0.0}}),
-        "means something else",
+        "names of their own",
     ),
     "an empty range": (
         broken(parameters={**SHADOW["parameters"], "x0": {"range": [0.5, 0.5]}}),
-        "is empty",
+        "a range must rise",
     ),
     "a neutral value out of range": (
         broken(parameters={**SHADOW["parameters"], "depth": {"range": [0.1, 0.5], "neutral": 0.0}}),
-        "not within",
+        "found neutral = 0.0; rule: within 0.1 to 0.5",
     ),
     "angle and time": (
         broken(
@@ -194,7 +194,7 @@ def test_an_effect_that_cannot_be_is_one_clear_error(case: str) -> None:
 
 
 def test_two_of_one_name_are_refused() -> None:
-    with pytest.raises(SceneError, match="found 'shadow' in the tables 1 and 2; remedy: rename all"):
+    with pytest.raises(SceneError, match=r"found name = 'shadow', tables = \[1, 2\];.* remedy: rename all"):
         Scene.from_dict({"effect": [SHADOW, SHADOW]})
 
 

@@ -143,7 +143,7 @@ def test_a_single_peak_is_reached_by_its_dotted_path() -> None:
         ("[lamp]\nspectrum = [{ peak_nm = 525, fwhm_nm = -1 }]", ["lamp.spectrum.0.fwhm_nm", ">= 0.01"]),
         ("[lamp]\nspectrum = []", ["lamp.spectrum"]),
         ('[detector]\nresponse = "table"', ["response_table"]),
-        ("[detector]\nresponse = { peak_nm = 900, fwhm_nm = 10 }", ["sees nothing of the band [500, 550]"]),
+        ("[detector]\nresponse = { peak_nm = 900, fwhm_nm = 10 }", ["found band = [500.0, 550.0]"]),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_by_its_key(toml: str, words: list[str]) -> None:
