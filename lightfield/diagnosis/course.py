@@ -47,7 +47,7 @@ _TOO_SMALL, _MENDS = 1.5, 0.6
 #: The part that the first sets of a search have to come down to for it to go on. Chosen: the noise is judged
 #: again after them, which takes little more.
 _PROMISES = 0.8
-#: Where no one or two effects will do, known ones are so many at least.
+#: Where no one or two effects will do, known ones are so many at least. Derived: one and two were tried.
 _FEWEST = 3
 
 

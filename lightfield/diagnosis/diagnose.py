@@ -54,12 +54,12 @@ CURVES = "curves.json"
 #: What a diagnosis leaves in a folder, beside its verdict.
 _NAMES = ("rung*.toml", CURVES, HYPOTHESES, LAMP_TABLE, SPECTRUM_TABLE)
 #: Photons of the fresh render that ends a ladder, and at most where its error is more than a part of the
-#: readings': it could not object. Readings that mirror each other share them.
+#: readings': it could not object. Readings that mirror each other share them. Chosen: time against precision.
 FRESH_PHOTONS, MOST_FRESH_PHOTONS, _PRECISE = 1.5e6, 1.2e7, 0.5
 #: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
 #: independent errors may add up to more by chance, by so many standard deviations of that.
 CONFIRMED, _CHANCE_SIGMA = 1.15, 3
-#: No render is asked to be better than this, relatively.
+#: No render is asked to be better than this, relatively. Chosen.
 _FINEST = 1e-4
 
 

@@ -14,7 +14,7 @@ from lightfield.fitting.curves import field_of, is_amplitude
 
 #: Chances from which on an effect "would be certain", and up to which it would not. Chosen.
 LIKELY, UNLIKELY = 0.9, 0.1
-#: Amplitudes of a curve that are told one by one, at most.
+#: Amplitudes of a curve that are told one by one, at most. Chosen: words alone.
 _LONG = 5
 Outlook = Literal["certain", "simplest", "perhaps", "no", "not seen"]
 HEAD = ("effect", "sigma", "gap", "certain", "named", "why", "at which size")

@@ -54,11 +54,11 @@ from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
-#: Readings that would part two effects by less than so many times more than now are not worth advice.
+#: Readings that would part two effects by less than so many times more than now are not worth advice. Chosen.
 _WORTHWHILE = 1.5
-#: Of the trace of scattered light.
+#: Seed of the trace of scattered light. Chosen: another than a diagnosis has.
 _SEED = 7000
-#: Pieces of advice that the text shows.
+#: Pieces of advice that the text shows. Chosen: words alone.
 _SHOWN = 6
 #: Widths of columns in the table, and decimals in the data. Chosen.
 _NAMED, _COLUMN, _LAST_COLUMN, _DECIMALS = 22, 7, 10, 4

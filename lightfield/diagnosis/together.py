@@ -50,7 +50,7 @@ from lightfield.progress import step, tell
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
-#: Size of an effect over its typical one, where none is asked about: the smallest that `hide` draws.
+#: Size of an effect over its typical one, where none is asked about. Chosen: the smallest that `hide` draws.
 _TIMES_TYPICAL = 2.0
 #: The same of a curve's first function: a tenth, as lamps depart from the Gaussian that is nearest to them
 #: (11 to 50 % rms of the readings in `benchmarks/field` and `benchmarks/many_effects`).

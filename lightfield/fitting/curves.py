@@ -53,7 +53,7 @@ MOST = {PROFILE: 19, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, PLANES: 30
 #: Readings that a plane has, in the mean, where its gain is asked for: fewer are all that a gain
 #: is made of. Chosen.
 _EACH = 3
-#: Decimals in metres to which distances are one plane.
+#: Decimals in metres to which distances are one plane. Chosen, as `layout.LINE_DECIMALS`.
 _PLANE_DECIMALS = 3
 #: Angles are tabulated up to so many times the largest read: tilt and offset move the axis. Chosen.
 BEYOND = 1.3
@@ -64,7 +64,7 @@ BEYOND = 1.3
 _RELATIVE, _FLOOR, _DIM = 0.01, 0.001, 0.005
 #: Roughness counts by the area of its ring, and on the axis by this part of the outermost ring's. Chosen.
 _ON_AXIS = 0.1
-#: So many curves are remembered by their amplitudes.
+#: So many curves are remembered by their amplitudes. Chosen: memory alone.
 _REMEMBERED = 32
 
 #: Values by path as a scene takes them: numbers, and nodes of curves.

@@ -16,9 +16,10 @@ from lightfield.fitting.parameter import Model
 
 Whiten = Callable[[Array], Array]
 
-#: A parameter within this part of its range is at a bound; within this one the bound itself is tried.
+#: A parameter within this part of its range is at a bound; within this one the bound itself is tried. Chosen
+#: (test_least_squares.py compares with SciPy).
 _AT, _NEAR = 1e-6, 1e-2
-#: Damping that leaves a Newton step, but for directions that are not determined at all.
+#: Damping that leaves a Newton step, but for directions that are not determined at all: rounding.
 _NEWTON = 1e-9
 #: Squares of directions, over the largest, that are not determined but for rounding; a parameter has a part
 #: in one if the square of that is so large.

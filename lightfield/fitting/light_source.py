@@ -24,6 +24,7 @@ from lightfield.scene.lamp.profile import table_of
 from lightfield.scene.own.own_effect import OwnEffect
 
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
+#: So much light is remembered by the values it is of. Chosen: memory alone.
 _REMEMBERED = 120
 
 

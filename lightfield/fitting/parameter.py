@@ -25,7 +25,7 @@ class Forward(Protocol):
     def predict(self, values: Mapping[str, float]) -> Array: ...
 
 
-#: Below this (10/value)^2 what is infinitely wide is meant: a scene takes widths of up to 1e5.
+#: Below this (10/value)^2 what is infinitely wide is meant. Derived: a scene takes widths of up to 1e5.
 _UNLIMITED = 1e-8
 
 

@@ -11,6 +11,7 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 #: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
+#: Chosen: time alone.
 TRACES = 3
 
 

@@ -12,7 +12,7 @@ from lightfield.scene import Scene
 from lightfield.scene.listed import OWN, OWN_FIELD
 from lightfield.scene.own.own_effect import OwnEffect
 
-#: So many scenes are remembered: most steps of a fit change something else.
+#: So many scenes are remembered: most steps of a fit change something else. Chosen: memory alone.
 REMEMBERED = 16
 
 Chosen = tuple[tuple[str, float], ...]

@@ -16,13 +16,15 @@ from lightfield.scene.curve import Nodes
 
 #: Nodes of a curve: three for each bend of the finest function. Chosen.
 NODES = 61
-#: A curve that a fit tries is clipped here, a factor of 1100: no lamp has more, and no number overflows.
+#: A curve that a fit tries is clipped here, a factor of 1100. Chosen: no lamp has more, and no number
+#: overflows.
 LARGEST = 7.0
-#: What differs by less is one: coordinates, as a part of their range; curves, of their largest value.
+#: What differs by less is one: coordinates, as a part of their range; curves, of their largest value. Chosen:
+#: far above rounding.
 _SAME_PART = 1e-6
 #: What rounding leaves of the largest eigenvalue.
 _ROUNDING = 1e-10
-#: All that has no second differences: of lamps and waters over time and wavelength.
+#: All that has no second differences, of lamps and waters over time and wavelength: derived.
 _LINES: list[Array] = [np.ones(NODES), np.linspace(-1, 1, NODES)]
 
 

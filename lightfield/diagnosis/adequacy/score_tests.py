@@ -43,9 +43,10 @@ EXCESS_LEVEL = 1e-3
 #: Chosen: the error of a scale from four is 70 %.
 FEWEST_SPARE = 4
 #: Fewer than this, and the smooth unknowns but for those across the beam are taken to be absent from the
-#: scale's misfit: it is known to 50 %, and what they would take from it is not.
+#: scale's misfit: it is known to 50 %, and what they would take from it is not. Chosen; on half and one and a
+#: half of it no answer hangs (test_cascade.py).
 _FEWEST_BESIDE_ALL = 8
-#: Degrees of freedom that stand for a known scale: quantiles of t are normal ones to 0.2 % at ALPHA.
+#: Degrees of freedom that stand for a known scale. Derived: quantiles of t are normal ones to 0.2 % at ALPHA.
 _CERTAIN = 1000
 #: k neighbouring columns count as k to this power independent ones in the nominal p of a scan. Chosen, for
 #: the weight of a scan among the tests alone: what is said rests on the bootstrap.

@@ -30,7 +30,7 @@ PERMUTATIONS = 1999
 _FEWEST = 3
 #: Factor between the numbers of struck places that a window is tried with, once they are more than a few.
 _COUNTS_APART = 1.25
-#: Decimals in m and in the scan to which readings are of one place and moment.
+#: Decimals in m and in the scan to which readings are of one place and moment. Chosen: rounding of a table.
 _MOMENT_DECIMALS = 6
 
 

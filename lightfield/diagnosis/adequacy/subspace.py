@@ -12,6 +12,7 @@ from lightfield.decompositions import eigen, thin_svd
 #: left. Chosen: far above the rounding of doubles (1e-16), far below what readings tell apart.
 INDEPENDENT = 1e-9
 #: The same of effects and unknowns, whose directions must be told apart by readings good to a per cent or so.
+#: Chosen: a tenth of that.
 DISTINCT = 1e-3
 
 

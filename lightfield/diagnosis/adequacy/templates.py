@@ -21,19 +21,22 @@ from lightfield.scene.tank import OPENS_THE_TOP
 BUMP_WIDTH_M = 0.06
 #: Cycles over the angles that the readings span: effects change slower than this. Half a cycle apart, two
 #: ripples are as far from each other as their phases are; at most so many are tried, each at so many phases.
+#: Chosen; on three quarters and one and a half of the first no answer hangs (test_cascade.py).
 SLOWEST_RIPPLE, _RIPPLES_APART, MOST_RIPPLES, _PHASES = 4.0, 0.5, 40, 4
-#: Cosines of the time of so many readings, and of fewer.
+#: Cosines of the time of so many readings, and of fewer. Chosen.
 _TIME_TERMS, _MANY, _TIME_TERMS_OF_FEW = 6, 80, 2
 #: Cosines across the beam at most; at every distance at most, of so many readings for each. Chosen: what a
 #: beam does is smooth over a tenth of a scan, and a row needs five readings for a level and a slope.
 _ACROSS_TERMS, _PER_PLANE_TERMS, _READINGS_PER_TERM = 10, 3, 5
-#: A row of so many readings or more has all of these terms, a shorter one has one.
+#: A row of so many readings or more has all of these terms, a shorter one has one. Chosen: twice
+#: _READINGS_PER_TERM.
 _LONG_ROW = 10
-#: Places at which a bump is sought at most.
+#: Places at which a bump is sought at most. Chosen: time against thoroughness.
 _MOST_BUMPS = 40
-#: Moments at which a step is sought: as parts of the scan from its middle, its ends left alone.
+#: Moments at which a step is sought: as parts of the scan from its middle, its ends left alone. Chosen; on
+#: fewer no answer hangs (test_cascade.py).
 _STEPS = np.linspace(-0.4, 0.4, 17)
-#: Keeps the scale of a coordinate finite.
+#: Keeps the scale of a coordinate finite: rounding.
 _LEAST_SPAN = 1e-12
 
 

@@ -22,12 +22,12 @@ from lightfield.scene import Scene
 from lightfield.scene.parameters import Parameter
 from lightfield.scene.water.library import pure_water_absorption
 
-#: Finite differences step by this part of the typical size: little physics, much for the single precision
-#: in which the response of the diffuse light is kept.
+#: Finite differences step by this part of the typical size. Chosen: little physics, much for the single
+#: precision in which the response of the diffuse light is kept.
 STEP = 1e-2
-#: The start of a shape keeps this part of its range from its ends, where fits would stay.
+#: The start of a shape keeps this part of its range from its ends, where fits would stay. Chosen.
 _FROM_THE_ENDS = 0.02
-#: Readings at one distance, in metres, have a range all the same.
+#: Readings at one distance, in metres, have a range all the same. Chosen: no place is better known.
 _SHORTEST_RANGE_M = 1e-3
 #: A curve of one function is no curve: named effects have as much. Chosen.
 _FEWEST_FUNCTIONS = 2

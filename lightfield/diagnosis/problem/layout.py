@@ -16,7 +16,7 @@ Labels = NDArray[np.int_]
 #: Correlation lengths of a smooth error of the model: across the beam and along it, in metres. Chosen: an
 #: eighth of a scan and a third of the range of the tow tank's layout.
 ACROSS_M, ALONG_M = 0.25, 1.5
-#: A coordinate that varies by less, in metres or radians, does not vary.
+#: A coordinate that varies by less, in metres or radians, does not vary. Chosen: rounding of a table.
 LEAST_RANGE = 1e-6
 #: Decimals in metres to which places are one place, and to which distances or lines are one; of wavelengths
 #: in nm: finer than a stage or a spectrometer is set, coarser than the rounding of a table.
@@ -24,9 +24,11 @@ PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
 #: Readings above this part of the largest one are bright: of all, or of those of their plane. Chosen: where
 #: an error in per cent is one of the model, and not of the dark.
 BRIGHT = 0.05
-#: Added to the distance of readings in air, in metres, to tell them from those in water: beyond any tank.
+#: Added to the distance of readings in air, in metres, to tell them from those in water. Chosen: beyond any
+#: tank.
 AIR_APART_M = 1e4
 #: Of no more readings than this it is kept how alike their errors are: as many as are whitened as one.
+#: Chosen: memory alone.
 _KEPT = 512
 
 

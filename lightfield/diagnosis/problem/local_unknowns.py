@@ -19,6 +19,7 @@ from lightfield.readings import Readings
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
 _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
 #: Two ripples that differ by so many cycles over all angles are as far from each other as their phases are.
+#: Derived, as `templates._RIPPLES_APART`.
 _CYCLES_APART = 0.5
 
 

@@ -19,15 +19,18 @@ from lightfield.fitting.parameter import FitParameter, Model
 
 Explanation = tuple[Candidate, ...]
 
-#: Steps of a fit at most, and what a further one would have to gain in chi-square.
+#: Steps of a fit at most, and what a further one would have to gain in chi-square. Chosen: a thirtieth of an
+#: error.
 _STEPS, _LEFT = 40, 1e-3
-#: Fits to more readings than this begin with a sample of so many.
+#: Fits to more readings than this begin with a sample of so many. Chosen: time alone; with fewer, fits and
+#: answers are the same (test_many.py, test_sample.py).
 MANY, SAMPLE = 3000, 1500
 #: Chi-square by which fits to the sample are worse than the best, in units of what scatters: up to the first
 #: they may be the best of all readings, beyond the second they are out of the question. Chosen: 3.5 and ten
 #: sigma of a sample that is half of all at most.
 _AS_GOOD, FAR_BEHIND = 12.0, 100.0
-#: Fits to the sample that differ by less found the same minimum: a fit stops at a hundredth of chi-square.
+#: Fits to the sample that differ by less found the same minimum. Chosen: a fit stops at a hundredth of
+#: chi-square.
 _SAME_MINIMUM = 1e-2
 
 

@@ -14,10 +14,10 @@ ASSUMED_RELATIVE, ASSUMED_FLOOR = 0.01, 0.001
 #: Standard deviation of a normal distribution over its median absolute deviation (Rousseeuw and Croux 1993,
 #: doi:10.1080/01621459.1993.10476408).
 MAD_TO_SIGMA = 1.4826
-#: A quoted error so many times the curve's was marked as poor on purpose: errors of ten samples scatter by a
-#: quarter.
+#: A quoted error so many times the curve's was marked as poor on purpose. Chosen: errors of ten samples
+#: scatter by a quarter, and by chance one of 25,000 is as tall.
 _TALL = 2.0
-#: Fewer standard errors than this say nothing about the others: the curve has three coefficients.
+#: Fewer standard errors than this say nothing about the others. Derived: the curve has three coefficients.
 FEWEST_STATED = 4
 #: Fit of the variance curve: rounds of reweighting; spread of ln(variance) that is no scatter; spreads at
 #: which a weight is a half; smallest variance over the median one. Chosen: the curve of 300 errors that
@@ -33,7 +33,8 @@ _CLEARER = 0.8
 #: lamp's flicker is that of its temperature, some half more in the blue than in the red, and bands of a
 #: spectrum agree no better than that.
 OWN_PART = 0.2
-#: Light below this part of the largest error is none: the square of what lies between would be no number.
+#: Light below this part of the largest error is none. Derived: the square of what lies between would be no
+#: number.
 NO_LIGHT = 1e-100
 
 

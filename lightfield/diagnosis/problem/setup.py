@@ -43,31 +43,37 @@ from lightfield.scene.water.coefficients import absorption_per_m, clearest_in
 PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
 #: A radiometer calibrated by a standard lamp is good to a few per cent in the laboratory and to 5 to 10 % in
 #: water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp powers.
+#: Chosen from these.
 CALIBRATION_PERCENT = 10.0
-#: The gain of absolute readings is looked for within so many errors of the calibration.
+#: The gain of absolute readings is looked for within so many errors of the calibration. By chance one of 370
+#: lies beyond.
 _GAIN_SIGMAS = 3.0
-#: On a relative scale a gain is looked for within this exponent of the first guess.
+#: On a relative scale a gain is looked for within this exponent of the first guess. Chosen: five orders each
+#: way.
 GAIN_ROOM = 12.0
-#: Half widths are looked for within this factor of the guess.
+#: Half widths are looked for within this factor of the guess. Chosen: beyond the mistakes that are made
+#: (`plausibility`).
 _WIDTH_FACTOR = 5.0
 #: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
+#: Chosen: a start alone.
 _WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
-#: Half widths are looked for up to this, in degrees.
+#: Half widths are looked for up to this, in degrees. Chosen: nearly a hemisphere.
 _WIDEST_DEG = 80.0
-#: Absorption is looked for up to so much above the guess, in 1/m: light is lost within a metre.
+#: Absorption is looked for up to so much above the guess, in 1/m. Chosen: light is lost within a metre.
 _ABSORPTION_ROOM_PER_M = 3.0
 #: Steps of finite differences: of absorption in 1/m and of the logarithm of a width, and of that of a gain,
-#: which is exact.
+#: which is exact. Chosen: half of the digits are rounding.
 _STEP, _GAIN_STEP = 1e-4, 1e-5
-#: Part of the largest reading that a place of most light reads at least: a gain is positive.
+#: Part of the largest reading that a place of most light reads at least: a gain is positive. Chosen.
 _LEAST_READING = 1e-3
 #: The gain is guessed where the scene has most light: at a tenth of the places, and at so many at least.
+#: Chosen: a start alone.
 _FEWEST_BRIGHTEST = 3
-#: Wavelengths in nm, closer than this, are one.
+#: Wavelengths in nm, closer than this, are one: rounding of a table.
 _SAME_NM = 10.0**-WAVELENGTH_DECIMALS
-#: Light below this part of the most is none.
+#: Light below this part of the most is none. Chosen: no instrument sees it.
 _NO_LIGHT = 1e-60
-#: A fit needs so many readings more than it has parameters.
+#: A fit needs so many readings more than it has parameters. Derived: any curve meets as many.
 _FEWEST_TO_SPARE = 1
 #: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
 #: which the model may be wrong in its own way.

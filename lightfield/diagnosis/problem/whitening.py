@@ -16,10 +16,10 @@ from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Noise
 from lightfield.diagnosis.problem.scan import links_of
 from lightfield.memory import Latest
 
-#: Choices of readings whose covariance is kept: a plane left out, one after the other.
+#: Choices of readings whose covariance is kept: a plane left out, one after the other. Chosen: memory alone.
 _KEPT = 64
 
-#: Of many readings, so many are whitened at a time.
+#: Of many readings, so many are whitened at a time. Chosen: time alone.
 BLOCK = 128
 
 

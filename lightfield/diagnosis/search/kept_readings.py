@@ -17,12 +17,13 @@ from lightfield.diagnosis.problem.quoted import smooth_stderr
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit
 
-#: Rounds of leaving out outliers and fitting anew.
+#: Rounds of leaving out outliers and fitting anew. Chosen.
 _OUTLIER_ROUNDS = 3
 #: What lies within so many standard errors of a fit that was made without it is no outlier. Chosen: of 175
 #: readings one lies farther by chance in four tables of ten.
 _MET = 3.0
 #: Stays of fewer readings than this, in the mean, have gains that are next to these readings' own errors.
+#: Chosen.
 _IN_A_STAY = 4
 
 

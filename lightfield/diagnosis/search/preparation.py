@@ -44,13 +44,13 @@ from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.small_sets import Fitted
 from lightfield.fitting.least_squares import Fit
 
-#: Replicates of the bootstrap: the smallest p is 0.001, a tenth of the level of a test.
+#: Replicates of the bootstrap. Derived: the smallest p is 0.001, a tenth of the level of a test.
 REPLICATES = 999
 #: A reading's own error is this part of all at least: the difference of squares that are equal is rounding.
 _LEAST_OF_ALL = 1e-6
-#: Serial correlation is judged beside more spare readings than this; see `robust._FEWEST_PAIRS`.
+#: Serial correlation is judged beside more spare readings than this. Chosen, as `robust._FEWEST_PAIRS`.
 _SPARE_FOR_SERIAL = 25
-#: Seeds of generators of their own.
+#: Seeds of generators of their own: below what 64 bits hold. Chosen.
 _SEEDS = 1 << 62
 
 

@@ -20,21 +20,22 @@ from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.small_sets import Tried
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: What would have been seen would have been missed with this probability.
+#: What would have been seen would have been missed with this probability. Chosen, as is usual.
 MISSED = 0.05
 #: Tests that share the level, roughly: forms of effects and unknowns of a usual layout.
 _TESTS = 25
 #: Projected size, in sigma, that is found with 95 % probability at the family-wise level of so many tests.
+#: Derived.
 DETECTABLE_SIGMA = float(-special.ndtri(ALPHA / (2 * _TESTS)) - special.ndtri(MISSED))
-#: Explanations nearer than this belong to one class: the best method there is names the wrong one of two in
-#: Phi(-D/2) = 7 of 100 cases.
+#: Explanations nearer than this belong to one class. Derived: the best method there is names the wrong one of
+#: two in Phi(-D/2) = 7 of 100 cases.
 SAME_CLASS_SIGMA = 3.0
-#: Steps of the fit of an imitation, and what it may leave of chi-square: a hundredth of a sigma.
+#: Steps of the fit of an imitation, and what it may leave of chi-square. Chosen: a hundredth of a sigma.
 _STEPS, _LEFT = 60, 1e-4
 #: Of many readings a rival may be the nearest when its square distance is no more times the least of a
-#: sample: that of a seventh of the readings is known to a few per cent.
+#: sample. Chosen: that of a seventh of the readings is known to a few per cent.
 _AS_NEAR = 2.0
-#: Rivals by BIC whose distance is worked out.
+#: Rivals by BIC whose distance is worked out. Chosen: time against thoroughness.
 _RIVALS = 4
 
 

@@ -31,7 +31,7 @@ from lightfield.fitting.parameter import FitParameter
 
 #: Standard errors from its best value at which a shape is held, each way from the nearest on. Chosen.
 _HELD = (2.0, 4.0)
-#: Steps of a fit at most, and what it may leave of chi-square.
+#: Steps of a fit at most, and what it may leave of chi-square. Chosen, as in the pool (`fitted_sets._STEPS`).
 _STEPS, _LEFT = 20, 0.05
 #: Part of a distribution below one standard error; combinations of parameters that are not told, as in `Fit`.
 _HOLDS, _SINGULAR = 0.8413, 1e-6

@@ -21,21 +21,23 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.scene import Tank
 
-#: Part of the photons that the trace at possible places is worth.
+#: Part of the photons that the trace at possible places is worth. Chosen: time against precision.
 ROUGH = 0.25
 #: Relative error that no number of repeats at one place will beat. Chosen: about what a stay at a distance
 #: repeats to (`setup.PLANE_GAIN_PERCENT`).
 FLOOR = 0.0025
-#: Spots that are advised, and readings at each.
+#: Spots that are advised, and readings at each. Chosen.
 SPOTS, REPEATS = 3, 4
-#: Two spots closer than this part of the largest distance are one.
+#: Two spots closer than this part of the largest distance are one. Chosen.
 _APART = 0.04
 #: Possible places: how many across and along; from and to which part of the distances that were read; how far
-#: to the sides at least, as a part of the largest distance; and up and down, as a part of that.
+#: to the sides at least, as a part of the largest distance; and up and down, as a part of that. Chosen: near
+#: what was read.
 _ACROSS, _ALONG, _NEAREST, _FARTHEST, _LEAST_ACROSS, _UP = 17, 12, 0.6, 1.15, 0.1, 0.6
-#: Within a tank: parts of its half width and of its length, and metres from floor and top.
+#: Within a tank: parts of its half width and of its length, and metres from floor and top. Chosen: room for a
+#: receiver.
 _WITHIN_SIDES, _WITHIN_END, _FROM_FLOOR_M = 0.97, 0.98, 0.03
-#: Added to the diagonal of an information matrix, relative and alone, so that it can be solved.
+#: Added to the diagonal of an information matrix, relative and alone, so that it can be solved: rounding.
 _RIDGE, _RIDGE_ALONE = 1e-9, 1e-12
 
 

@@ -13,7 +13,7 @@ from lightfield.scene import Scene
 
 #: What reflects all at most, however large it is stated.
 _FLOOR = "tank.floor_over_walls"
-#: An error that is no smaller than this part of the stated one says nothing new.
+#: An error that is no smaller than this part of the stated one says nothing new. Chosen: words alone.
 _ALIKE = 0.95
 
 

@@ -18,9 +18,10 @@ from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Steps of a fit without one plane, from the fit with it; what the fit of a rung may leave of chi-square.
+#: Chosen.
 _STEPS, _LEFT = 12, 1e-5
 #: Of more effects than this, fits in between and without one plane take the slopes of a neighbouring one, and
-#: may leave this of chi-square: with all their derivatives they take minutes in scattered light.
+#: may leave this of chi-square. Measured: with all their derivatives they take minutes in scattered light.
 _FEW, _ROUGHLY = 2, 1e-2
 #: Fits in between after which no more orders of the rungs are compared; factor from which a rise of the error
 #: in per cent is seen, how much it counts beside its height, and what one to no number counts. Chosen.

@@ -11,7 +11,7 @@ from lightfield.diagnosis.verdict.parts import Kind, Misfit, PlaceToRead, Record
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.wording import plain
 
-#: So often a reading that was set aside is to be repeated: once could be another slip.
+#: So often a reading that was set aside is to be repeated. Chosen: once could be another slip.
 REPEATS = 3
 
 

@@ -14,9 +14,9 @@ from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.parameter import is_gain
 from lightfield.wording import plain
 
-#: Explanations, and readings set aside, that a terminal is shown.
+#: Explanations, and readings set aside, that a terminal is shown. Chosen: words alone.
 _SHOWN, _LISTED = 8, 20
-#: No column of the ladder has the room for a longer number with its decimals.
+#: No column of the ladder has the room for a longer number with its decimals. Chosen: words alone.
 _LONG = 1e5
 
 

@@ -19,8 +19,9 @@ from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, SetAside
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 
-#: Median error of a bright reading, in per cent of it, beyond which readings name and exclude nothing:
-#: what is called noise up there is as likely a mistake (a beam read with eight grey levels makes 13 %).
+#: Median error of a bright reading, in per cent of it, beyond which readings name and exclude nothing.
+#: Chosen: what is called noise up there is as likely a mistake (a beam read with eight grey levels makes 13
+#: %).
 SANE_NOISE_PERCENT = 10.0
 #: Errors may be quoted too small by this factor in variance before a scale that a misfit widens is no longer
 #: believed. Chosen: half of `score_tests.VARIANCE_EXCESS`, which readings without a misfit may show.
@@ -28,7 +29,7 @@ CREDIBLE = 2.0
 #: Readings come in steps where every value is there so many times in the mean. Chosen: of readings that are
 #: none hardly one comes again.
 _COME_AGAIN = 2.0
-#: Standard deviation of what is spread evenly over one step.
+#: Standard deviation of what is spread evenly over one step. Derived.
 _OF_A_STEP = 12**-0.5
 #: A constant that scatters no more than this times as much as the model about the readings is as good as it,
 #: where the scene's own light varies by so many times the noise, or the error that the model is excused.

@@ -21,13 +21,14 @@ FAMILY = "local unknown"
 #: Widths from that of a rope (2 cm) to a quarter of a scan; times as parts of it; periods from two readings
 #: to the whole range of angles. Chosen.
 _NARROWEST_M, _WIDEST_PART = 0.02, 0.25
+#: Largest and typical part of the light that is taken or added. Chosen.
 _SIZE, _TYPICAL = 0.9, 0.05
 #: Beyond a plume light is dimmed within so many metres: less than two planes are apart. Chosen.
 _EDGE_M = 0.1
-#: What stands before the first plane shades the same rays at all of them, wherever it stands: so many edges
-#: before it a plume is whole, to a per cent.
+#: What stands before the first plane shades the same rays at all of them, wherever it stands. Derived: so
+#: many edges before it a plume is whole, to a per cent.
 _BEFORE = 3.0
-#: What takes so little of the time between two readings is sudden: shorter times are all alike.
+#: What takes so little of the time between two readings is sudden: shorter times are all alike. Chosen.
 _SUDDEN = 0.02
 #: A ripple in time has so many readings in a period, and so many periods, at least; and no more than these.
 #: Chosen: what is slower is a drift.

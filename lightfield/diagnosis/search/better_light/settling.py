@@ -22,7 +22,7 @@ from lightfield.scene import Scene
 
 #: Traces of an explanation at most. Chosen: most take two or three.
 _ROUNDS = 4
-#: Photons of one trace at most.
+#: Photons of one trace at most. Chosen: as `diagnose.MOST_FRESH_PHOTONS`.
 _MOST_PHOTONS = 1.2e7
 #: A fit is settled when no parameter will move by this part of its error, and photons widen no error by this
 #: one. Of a move the next is some so much at most: 0.02 to 0.2 of moves by 2.8 to 33 errors, in the waters of
@@ -32,10 +32,11 @@ _MOVED, _WIDENED, _NEXT = 0.2, 0.2, 0.2
 _FAR = 3.0
 #: Traces are pooled that were made within so many errors of where the fit has come to.
 _NEAR = 1.5
-#: Traces of a ratio have seeds of their own, so many of each diagnosis.
+#: Traces of a ratio have seeds of their own, so many of each diagnosis. Chosen: no trace has another's.
 _SEED, _OF_EACH = 7000, 100
 #: Part of what the readings say of the photons' noise that is taken to be theirs at most: the widening
-#: divides by what is left, and what many readings share is known but for a part (`noise._LEFT_OUT_OF_MANY`).
+#: divides by what is left. Derived: what many readings share is known but for a part
+#: (`noise._LEFT_OUT_OF_MANY`).
 _ALL_PHOTONS = 1 - 1e-4
 #: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
 _SINGULAR = 1e-12

@@ -33,12 +33,12 @@ _BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
 _MORE = 6
 #: Rounds of noise and search, and of rivals that turn out better. Chosen: noise settles in two.
 _ROUNDS, _RIVAL_ROUNDS = 4, 3
-#: Traces where a best set lies have seeds of their own.
+#: Traces where a best set lies have seeds of their own. Chosen: no trace has another's.
 _SEED = 6000
 #: Sets are compared in light traced within so many errors of where the best lies, for the tolerance too after
 #: so many rounds at most. Chosen: in light of other water they hold effects that describe what it has wrong.
 _NEAR, _ROUNDS_WITHIN = 1.0, 3
-#: Traces until one set stays where it was traced, at most; most take one or two.
+#: Traces until one set stays where it was traced, at most. Measured: most take one or two.
 _TRACES = 4
 
 

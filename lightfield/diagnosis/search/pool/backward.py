@@ -14,7 +14,7 @@ from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool, be
 
 #: Stages that are fitted, of at most so many effects.
 FITS, _MOST = 4, 8
-#: Keeps the normal equations of templates that are one solvable; makes a wrong sign the first to go.
+#: Keeps the normal equations of templates that are one solvable; makes a wrong sign the first to go. Chosen.
 _RIDGE, _WRONG = 1e-6, 1e3
 
 

@@ -27,7 +27,7 @@ from lightfield.fitting.least_squares import Fit
 Key = frozenset[tuple[str, str]]
 Allowed = Callable[[Candidate], bool]
 
-#: Steps of a fit at most, and what it may leave of chi-square: far less than a price.
+#: Steps of a fit at most, and what it may leave of chi-square. Chosen: far less than a price.
 _STEPS, _LEFT = 20, 0.05
 #: Steps from each of several shapes before the best is fitted to the end; so many shapes are tried. Chosen:
 #: from one alone the width of a halo is lost.
@@ -36,10 +36,11 @@ _FEW, _SHAPES = 4, 2
 _NEAR = 50.0
 #: Part of its range within which a score may start an amplitude.
 _PART = 0.4
-#: A fit that begins elsewhere counts where chi-square is lower by so much, in units of the noise.
+#: A fit that begins elsewhere counts where chi-square is lower by so much, in units of the noise. Chosen: one
+#: standard error.
 _ELSEWHERE = 1.0
 #: Predictions of scattered or reflected light that all fits together may take: some milliseconds each,
-#: between walls up to 30.
+#: between walls up to 30. Chosen: two minutes at most.
 MOST_DIFFUSE = 4000
 
 

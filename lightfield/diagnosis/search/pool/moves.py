@@ -8,9 +8,10 @@ from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Key, Node, Poo
 #: Levels of additions at most: more effects than any set of readings was seen to hold (six and curves, in
 #: benchmarks/many_effects).
 _MOST = 9
-#: A set counts as better when it costs less by this.
+#: A set counts as better when it costs less by this: rounding.
 _BETTER = 1e-6
-#: What promises less of chi-square than one parameter takes of the noise is not fitted.
+#: What promises less of chi-square than one parameter takes of the noise is not fitted. Derived: that is 1 by
+#: chance.
 _LEAST = 1.0
 #: Rounds of drops and swaps; in each so many swaps are fitted, of those that promise to cost no more than
 #: this above the best. Chosen: the smallest that mended sets of four effects and more.

@@ -12,9 +12,9 @@ from lightfield.diagnosis.search.pool.moves import fit_additions, forward, polis
 #: Sets of a level that are added to and fitted, levels, and levels without a gain. Chosen, as all here: the
 #: smallest that mended what was called certain wrongly.
 _BEAM, _FITS, _LEVELS, _PATIENCE = 3, 7, 2, 2
-#: Pairs that are fitted in place of the effect.
+#: Pairs that are fitted in place of the effect. Chosen, as above.
 _PAIRS = 3
-#: Rounds of drops and swaps after that, and swaps in each: what became superfluous goes.
+#: Rounds of drops and swaps after that, and swaps in each: what became superfluous goes. Chosen, as above.
 _ROUNDS, _SWAPS, _REACH = 2, 5, 6.0
 #: Cost above the best at which a second effect more, and then drops and swaps, are still tried. Chosen: a
 #: rival has to come down to ten.

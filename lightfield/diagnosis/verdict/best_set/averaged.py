@@ -40,9 +40,9 @@ _ODDS, _SPREAD = 0.2, 3.0
 #: size. One of the receiver is one of them by another name: a beam's width is that which a receiver with an
 #: acceptance sees. Chosen: two drifts leave a tenth of each other.
 _ABSORBED = 0.05
-#: Readings without noise: their scatter, in units of their errors, is taken for no less.
+#: Readings without noise: their scatter, in units of their errors, is taken for no less. Chosen: rounding.
 _LEAST_NOISE = 1e-6
-#: Exponents are cut here: what weighs more is all.
+#: Exponents are cut here: what weighs more is all. Derived: e^50 loses no digit of what it is added to.
 _MOST = 50.0
 
 

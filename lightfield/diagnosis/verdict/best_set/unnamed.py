@@ -30,7 +30,7 @@ from lightfield.fitting.parameter import is_gain
 CHANCE_OF_ANY = 0.3
 #: A change is spoken of from so many stated errors on. Chosen: within two a value is as it was said to be.
 CHANGED = 2.0
-#: So many effects are fitted, of those that promise most, and so many are told.
+#: So many effects are fitted, of those that promise most, and so many are told. Chosen: time and words alone.
 _EFFECTS_FITTED, _EFFECTS_TOLD = 4, 2
 
 

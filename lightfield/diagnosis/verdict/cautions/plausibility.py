@@ -31,11 +31,12 @@ from lightfield.scene.lamp.spectrum import axial_intensity
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m
 
-#: Factors from which on a fitted value is spoken of. Guesses of the width were off by up to 18 %, those of
-#: the absorption by up to 35 %, where the model was right (52 rendered sets); mistakes are larger: radius for
-#: diameter or half for full width 2, decadic for natural logarithms 2.3, feet for metres 3.3.
+#: Factors from which on a fitted value is spoken of. Measured: guesses of the width were off by up to 18 %,
+#: those of the absorption by up to 35 %, where the model was right (52 rendered sets); mistakes are larger:
+#: radius for diameter or half for full width 2, decadic for natural logarithms 2.3, feet for metres 3.3.
 WIDTH_FACTOR, ABSORPTION_FACTOR = 1.5, 2.0
 #: An absorption that changes the light over all distances by a smaller optical depth is not spoken of.
+#: Chosen: a tenth of the light.
 FELT = 0.1
 #: Errors of the calibration beyond which a gain is spoken of. Chosen: one right calibration of 370 is.
 GAIN_SIGMA = 3.0

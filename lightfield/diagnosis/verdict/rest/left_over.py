@@ -35,11 +35,12 @@ from lightfield.scene.own.own_effect import OwnEffect, Places
 _PERIOD, _PERIOD_SIGMA, _PERIOD_PART = "period", 5.0, 0.05
 #: Part of what the best set leaves, in per cent, that an unknown removes before it is told. Chosen.
 _LEAST_REMOVED_PERCENT = 20.0
-#: Points of a curve, and the step of a parameter, as part of its range, by which its error is found.
+#: Points of a curve, and the step of a parameter, as part of its range, by which its error is found. Chosen:
+#: half of the digits are rounding.
 _POINTS, _STEP = 121, 1e-5
 #: So many effects are left out, and so many added, of those of which a linear model promises most. Chosen.
 _TRIED = 2
-#: Times are told in minutes.
+#: Times are told in minutes. Chosen: words alone.
 _UNIT = {"time": 1 / 60}
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from lightfield.diagnosis.verdict.parts import SetAside
 from lightfield.diagnosis.verdict.speech import place
 
-#: Readings set aside that the sentence names one by one.
+#: Readings set aside that the sentence names one by one. Chosen: words alone.
 _NAMED_ASIDE = 3
 
 

@@ -9,7 +9,7 @@ from lightfield.diagnosis.verdict.speech import capital, exactly, join, roughly,
 from lightfield.fitting import effects
 from lightfield.wording import plain
 
-#: Part of the misfit, in per cent, that a set removes before it is spoken of.
+#: Part of the misfit, in per cent, that a set removes before it is spoken of. Chosen: half.
 _SPOKEN = 50.0
 #: Every water has some.
 _SCATTERING = "scattering"
@@ -17,7 +17,7 @@ _WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
 #: A lamp of any shape.
 _CURVE = "beam_profile"
 _DETAIL = " detail of the lamp that its curve leaves out"
-#: What may replace an effect, of which so many are told.
+#: What may replace an effect, of which so many are told. Chosen: words alone.
 _ALTERNATIVES_TOLD = 3
 
 

@@ -21,15 +21,16 @@ from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
 from lightfield.wording import plain
 
-#: Effects from which on the verdict is told by what is known of each.
+#: Effects from which on the verdict is told by what is known of each. Derived: one and two have words of
+#: their own.
 MANY: Final = 3
-#: Explanations, or effects asked for, that the sentence names one by one.
+#: Explanations, or effects asked for, that the sentence names one by one. Chosen: words alone.
 _NAMED = 4
-#: Explanations of less weight are not spoken of in it, but for two.
+#: Explanations of less weight are not spoken of in it, but for two. Chosen: words alone.
 _SPOKEN_OF = 0.01
 #: Why a size is not known.
 _NO_SIZE: Final = {Reason.UNDETERMINED, Reason.TOO_WIDE}
-#: Errors within these factors of the stated ones are "as stated".
+#: Errors within these factors of the stated ones are "as stated". Chosen: words alone.
 _AS_STATED = 0.8, 1.25
 
 

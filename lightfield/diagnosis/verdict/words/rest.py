@@ -8,7 +8,8 @@ from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
 from lightfield.diagnosis.verdict.speech import UNITS, join, roughly
 from lightfield.wording import plain
 
-#: What formulas call the coordinates of a misfit, and their unit over that of the misfit.
+#: What formulas call the coordinates of a misfit, and their unit over that of the misfit. Chosen: words
+#: alone.
 _CALLED = {
     "x": ("x", 1.0),
     "y": ("y", 1.0),
