@@ -15,13 +15,12 @@ from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
-from lightfield.diagnosis.search.cascade import Finding, search
+from lightfield.diagnosis.search.cascade import SearchResult, search
 from lightfield.diagnosis.search.many import beyond_two, is_overtaken, leaves, levelled, misses_by_far
 from lightfield.diagnosis.search.pool.any_number import Data, Ends, never
-from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
 from lightfield.diagnosis.search.search_progress import Progress
-from lightfield.diagnosis.search.small_sets import Fitted
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, refutation
 from lightfield.diagnosis.verdict.best_set import unnamed
@@ -108,11 +107,11 @@ class Knowledge:
     untestable: Untestable
     data: Data
     prepared: Prepared
-    finding: Finding
+    finding: SearchResult
     rng: np.random.Generator
     is_settled: bool = False
 
-    def now(self, prepared: Prepared, finding: Finding) -> Knowledge:
+    def now(self, prepared: Prepared, finding: SearchResult) -> Knowledge:
         """The same with another finding, and the noise that it was judged beside."""
         return replace(self, prepared=prepared, finding=finding)
 
@@ -163,7 +162,7 @@ def _searched(inquiry: Inquiry, progress: Progress) -> Knowledge:
     """What a trace shows; traced again where it ends in water too dense for it."""
     readings, seed, alpha = inquiry.readings, inquiry.seed, inquiry.alpha
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
-    before: tuple[Fitted, ...] = ()
+    before: tuple[FittedSet, ...] = ()
     traces = Retraced(inquiry.scene, readings, inquiry.source)
     for forward in traces:
         problem, untestable = problem_of(forward, readings, inquiry.effects, inquiry.without_diffuse)
@@ -231,7 +230,7 @@ def _doubt(inquiry: Inquiry, known: Knowledge) -> DoubtReason | None:
     return None if doubt is None else doubt.reason
 
 
-def _is_simpler(finding: Finding, other: Finding) -> bool:
+def _is_simpler(finding: SearchResult, other: SearchResult) -> bool:
     """Does an explanation take fewer effects than a set that explains less, or as few as may explain it?"""
     best, more = finding.best, other.closest
     few = max(_FEWEST, len(more.explanation) - 1 if more is not None else 0)
@@ -304,7 +303,7 @@ def _settled_after(inquiry: Inquiry, found: Knowledge, progress: Progress) -> Kn
     return known.now(known.prepared, finding)
 
 
-def _from_there(inquiry: Inquiry, found: Knowledge, node: Node, progress: Progress) -> Knowledge | None:
+def _from_there(inquiry: Inquiry, found: Knowledge, node: FittedSet, progress: Progress) -> Knowledge | None:
     """What any number of effects explain, from a set and in light traced there, settled; None for nothing."""
     there = replace(found.prepared, explanation=node.explanation, reference=node.fit)
     more = _beyond_two(inquiry, found, there, progress)

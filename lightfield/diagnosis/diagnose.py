@@ -15,7 +15,7 @@ from lightfield.arrays import Array, finite
 from lightfield.diagnosis import ledger
 from lightfield.diagnosis.course import Inquiry, course
 from lightfield.diagnosis.problem.setup import source_of, spectral
-from lightfield.diagnosis.search.cascade import ALPHA, Finding
+from lightfield.diagnosis.search.cascade import ALPHA, SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict import calibration, compose
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
@@ -71,14 +71,14 @@ class Diagnosis:
     ----------
     verdict : Verdict
         Plain data, as written to JSON.
-    found : Found
+    basis : VerdictBasis
         What the data were made of.
     older : tuple of str
         Files of earlier runs in the folder in which it was saved, that are none of its own.
     """
 
     verdict: Verdict
-    found: compose.Found
+    basis: compose.VerdictBasis
     older: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -86,24 +86,24 @@ class Diagnosis:
 
     @property
     def forward(self) -> SceneForward:
-        return self.found.forward
+        return self.basis.forward
 
     @property
     def readings(self) -> Readings:
-        return self.found.readings
+        return self.basis.readings
 
     @property
     def prepared(self) -> Prepared:
-        return self.found.prepared
+        return self.basis.prepared
 
     @property
-    def finding(self) -> Finding:
-        return self.found.finding
+    def finding(self) -> SearchResult:
+        return self.basis.finding
 
     @property
     def steps(self) -> list[Step]:
         """The ladder with its fits."""
-        return self.found.steps
+        return self.basis.steps
 
     @property
     def scene(self) -> Scene:
@@ -331,10 +331,10 @@ def _diagnose(inquiry: Inquiry, advise: bool, progress: SoFar) -> Diagnosis:
     steps = climb(prepared.problem, explanation, finding.whiten, starts, phi, advise)
     progress("rivals, limits and advice")
     lamp = calibration.judged_power(prepared, known.problem, finding)
-    found = compose.Found(
+    basis = compose.VerdictBasis(
         known.problem.forward, inquiry.readings, prepared, finding, steps, known.untestable, outcome.trust,
         lamp, inquiry.seed, outcome.also,
     )  # fmt: skip
-    verdict = compose.verdict_of(found, advise).model_copy(update={"asked": list(inquiry.asked)})
+    verdict = compose.verdict_of(basis, advise).model_copy(update={"asked": list(inquiry.asked)})
     give_back()
-    return Diagnosis(verdict, found)
+    return Diagnosis(verdict, basis)

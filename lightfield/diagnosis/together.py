@@ -35,10 +35,11 @@ from lightfield.diagnosis.search.pool.evidence import (
     has,
     may_be_another_lamp,
 )
-from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import whitened_test
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.diagnosis.verdict.estimates import units_in
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
@@ -216,7 +217,7 @@ def _searched(
     values: Mapping[str, float],
     readings: Readings,
     table: Readings,
-) -> tuple[Pool, Node]:
+) -> tuple[Pool, FittedSet]:
     """Sets that were fitted to the noise-free readings, and the true one, which starts at the truth."""
     budget = budget_of(replace(table, stderr=readings.stderr))
     base = problem.fit((), _plainly, [problem.model().start])
@@ -236,7 +237,7 @@ def _searched(
     return pool, pool.finished(pool.fit(chosen, [at]))
 
 
-def _worth_their_price(pool: Pool, node: Node) -> Node:
+def _worth_their_price(pool: Pool, node: FittedSet) -> FittedSet:
     """The set without what nobody would see beside the rest."""
     while node.explanation:
         less = min((pool.finished(pool.drop(node, c)) for c in node.explanation), key=pool.cost)
@@ -247,7 +248,7 @@ def _worth_their_price(pool: Pool, node: Node) -> Node:
 
 
 def _unseen(
-    pool: Pool, whole: Node, seen: Node, candidate: Candidate, values: Mapping[str, float]
+    pool: Pool, whole: FittedSet, seen: FittedSet, candidate: Candidate, values: Mapping[str, float]
 ) -> Expected:
     """Of an effect that costs more than it explains."""
     mine = {p.path: values[p.path] for p in candidate.parameters}
@@ -310,9 +311,9 @@ class _Worst:
 
     def __init__(self) -> None:
         self._sigma = np.inf
-        self.node: Node | None = None
+        self.node: FittedSet | None = None
 
-    def meet(self, sigma: float, node: Node) -> None:
+    def meet(self, sigma: float, node: FittedSet) -> None:
         """Another set, so many deviations from standing in the way."""
         if sigma < self._sigma:
             self._sigma, self.node = sigma, node

@@ -13,25 +13,27 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy
-from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.own_judge import OwnErrors
+from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, AdequacyTest
+from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
+from lightfield.diagnosis.problem.whitening import Whitener
+from lightfield.diagnosis.search.own_errors import (
+    from_shapes,
+    refitted,
+    under_own_errors,
+    with_response_error,
+)
 from lightfield.diagnosis.search.pool.any_number import Many
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Node
-from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at
+from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at, judged
 from lightfield.diagnosis.search.search_progress import SILENT, Progress
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic, weights
 from lightfield.diagnosis.search.small_sets import (
-    Fitted,
-    Tried,
     accepted,
     at_lowest_minima,
-    bic,
     fit_pairs,
     fit_singles,
     search_pairs,
     search_singles,
-    weights,
 )
 from lightfield.fitting.least_squares import Fit, Whiten
 
@@ -64,7 +66,7 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Finding:
+class SearchResult:
     """What the readings say.
 
     Parameters
@@ -72,10 +74,10 @@ class Finding:
     size : int or None
         Number of effects in the smallest accepted sets; 0: nothing is missing; None: nothing that is known
         explains it.
-    accepted : list of Tried
+    accepted : list of ScoredSet
         Accepted sets, best first, with their `weights`; the weight that is missing to one is the base
         model's.
-    tried : list of Tried
+    tried : list of ScoredSet
         Everything fitted at the deciding level, rivals included.
     n : int
         Number of readings that were fitted.
@@ -87,7 +89,7 @@ class Finding:
         The best set of any number of effects, and how sure each of them is.
     unknown : sequence of str
         Local unknowns that were sought like effects: they say where the rest is, and not what.
-    cheaper : Node, optional
+    cheaper : FittedSet, optional
         A set that scatters and costs less than the answer, which does not, once it is settled.
     base_errors : mapping
         Standard errors by path of the base model, where it is the answer.
@@ -98,19 +100,19 @@ class Finding:
     size: int | None
     level: Level
     levels: list[Level]
-    accepted: list[Tried]
+    accepted: list[ScoredSet]
     weights: list[float]
-    tried: list[Tried]
+    tried: list[ScoredSet]
     n: int
     withheld: bool = False
     in_part: bool = False
     many: Many | None = None
     unknown: Sequence[str] = ()
-    cheaper: Node | None = None
+    cheaper: FittedSet | None = None
     base_errors: Mapping[str, float] = field(default_factory=dict)
     errors_of_set: Mapping[str, float] = field(default_factory=dict)
 
-    def with_closest(self, change: Callable[[Tried], Tried]) -> Finding:
+    def with_closest(self, change: Callable[[ScoredSet], ScoredSet]) -> SearchResult:
         """The same with another record of the best explanation, or of the best set of many effects."""
         if self.accepted:
             return replace(self, accepted=[change(self.accepted[0]), *self.accepted[1:]])
@@ -118,12 +120,12 @@ class Finding:
             return replace(self, tried=[change(self.tried[0]), *self.tried[1:]])
         return self
 
-    def without_answer(self, in_no_part: bool = True) -> Finding:
+    def without_answer(self, in_no_part: bool = True) -> SearchResult:
         """The same, where no answer can rest on the readings; nor what explains a part (`in_no_part`)."""
         withheld = in_no_part or self.size is not None
         return replace(self, size=None, accepted=[], weights=[], withheld=withheld)
 
-    def but_for_some(self) -> Finding:
+    def but_for_some(self) -> SearchResult:
         """The same, where some readings are beyond all effects: what was the answer is a part of it."""
         best, many = self.best, self.many
         if best is None or many is None:
@@ -132,7 +134,7 @@ class Finding:
         tried = [best, *(t for t in self.tried if t is not best)]
         return replace(self, size=None, accepted=[], weights=[], tried=tried, in_part=True, many=many)
 
-    def open_beside_unknown(self) -> Finding:
+    def open_beside_unknown(self) -> SearchResult:
         """The same, unexplained where the best set holds a local unknown: what is certain beside it is so as
         far as an unexplained rest allows."""
         many, first, unknown = self.many, self.accepted, self.unknown
@@ -146,7 +148,7 @@ class Finding:
         return replace(self, size=None, accepted=[], weights=[], tried=tried, many=many)
 
     @property
-    def best(self) -> Tried | None:
+    def best(self) -> ScoredSet | None:
         """The best explanation."""
         return self.accepted[0] if self.accepted else None
 
@@ -162,13 +164,13 @@ class Finding:
         return self.many is not None and self.many.sought
 
     @property
-    def closest(self) -> Tried | None:
+    def closest(self) -> ScoredSet | None:
         """The best explanation, or the best set where it leaves something unexplained."""
         partly = (self.in_part or self.unknown or self.beyond_two) and not self.withheld
         return self.best or (self.tried[0] if partly else None)
 
     @property
-    def explaining(self) -> Tried | None:
+    def explaining(self) -> ScoredSet | None:
         """Beside what nothing is missing: the best explanation, or effects with a local unknown."""
         return self.closest if self.unknown else self.best
 
@@ -180,7 +182,7 @@ class Finding:
         return test.whiten if test is not None else self.level.bench.whiten
 
     @property
-    def contenders(self) -> list[Tried]:
+    def contenders(self) -> list[ScoredSet]:
         """What was accepted; failing that, what came nearest."""
         return self.accepted or sorted(self.tried, key=lambda t: t.bic)[:_NEAREST]
 
@@ -210,6 +212,52 @@ class Finding:
         return any(e.gap_named <= GAP or e.gap < -GAP for e in near)
 
 
+@dataclass(frozen=True)
+class OwnErrors:
+    """Judges explanations by diffuse light, whose response has an error of its own size.
+
+    Parameters
+    ----------
+    main : Bench
+        Of the base model; sets scale and tolerance.
+    """
+
+    prepared: Prepared
+    main: Bench
+    rng: np.random.Generator
+
+    def promise(self, fit: Fit) -> float:
+        """Chi-square and growth of the log determinant where the fit lies now."""
+        problem, main = self.prepared.problem, self.main.whiten
+        noise = with_response_error(problem, self.prepared.noise, fit)
+        whiten = Whitener(noise, main.rho, main.phi, main.tolerance)
+        residual = whiten(problem.keep * (problem.value - fit.prediction))
+        return float(residual @ residual) + whiten.log_determinant - main.log_determinant
+
+    def hopeless(self, fit: Fit, best: Fit) -> bool:
+        """Do many readings put it far behind the best fit even with its own errors, as a sample shows?"""
+        if self.prepared.problem.sample is None:
+            return False
+        rows, problem = self.prepared.problem.sample
+        main = self.main.whiten.of(rows)
+        own = with_response_error(problem, self.prepared.noise.subset(rows), fit)
+        whiten = Whitener(own, main.rho, main.phi, main.tolerance)
+        mine, other = (
+            float((w(problem.keep * (problem.value - f.prediction[rows])) ** 2).sum())
+            for w, f in ((whiten, fit), (main, best))
+        )
+        behind = mine + whiten.log_determinant - main.log_determinant - other
+        return behind > FAR_BEHIND * max(1.0, other / len(problem.value))
+
+    def refit(self, explanation: Explanation, fit: Fit) -> tuple[AdequacyTest, Fit, float]:
+        """Test, fit from where the last one lies, and growth of the log determinant."""
+        settle = from_shapes if len(explanation) == 1 else under_own_errors
+        problem = self.prepared.problem
+        whiten, best = refitted(settle, problem, explanation, fit, self.main.whiten)
+        growth = whiten.log_determinant - self.main.whiten.log_determinant
+        return judged(self.prepared, whiten, self.rng), best, growth
+
+
 def level_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> Level:
     """The base model, fitted and tested at one tolerance."""
     return Level(tolerance, *base_at(prepared, tolerance, rng))
@@ -220,10 +268,10 @@ def level_for(level: Level) -> float:
     return max(ALPHA_EXPLANATION, min(2 * level.adequacy.p, _EASILY))
 
 
-def with_base(found: list[Tried], level: Level, n: int) -> list[float]:
+def with_base(found: list[ScoredSet], level: Level, n: int) -> list[float]:
     """Weights of accepted sets when the base model itself is among the rivals."""
     phi = found[0].adequacy.phi if found[0].adequacy else level.phi
-    base = Tried((), level.base, bic(level.base, (), phi, n))
+    base = ScoredSet((), level.base, bic(level.base, (), phi, n))
     return weights([*found, base])[:-1]
 
 
@@ -239,7 +287,7 @@ def search(
     rng: np.random.Generator,
     alpha: float = ALPHA,
     progress: Progress = SILENT,
-) -> Finding:
+) -> SearchResult:
     """The smallest sets of effects beside which nothing is missing.
 
     Parameters
@@ -255,9 +303,9 @@ def search(
     def began(what: str, width: float) -> None:
         progress(what + (f" within {100 * width:g} %" if width else ""))
 
-    def tried(fits: list[Fitted]) -> None:
-        explanation, fit = min(fits, key=lambda f: f[1].chi2, default=((), levels[-1].base))
-        progress.tried(len(fits), problem, explanation, fit)
+    def tried(fits: list[FittedSet]) -> None:
+        best = min(fits, key=lambda one: one.fit.chi2, default=FittedSet((), levels[-1].base))
+        progress.tried(len(fits), problem, best.explanation, best.fit)
 
     def prepare_level(width: float) -> Level:
         began("the base model", width)
@@ -265,24 +313,26 @@ def search(
         tried([])
         return levels[-1]
 
-    def finding(size: int | None, level: Level, found: list[Tried], tried: list[Tried]) -> Finding:
+    def finding(
+        size: int | None, level: Level, found: list[ScoredSet], tried: list[ScoredSet]
+    ) -> SearchResult:
         found = at_lowest_minima(problem, found)
-        return Finding(size, level, levels, found, with_base(found, level, n) if found else [], tried, n)
+        return SearchResult(size, level, levels, found, with_base(found, level, n) if found else [], tried, n)
 
     exact = prepare_level(0.0)
     if exact.adequacy.passes(alpha):
         return finding(0, exact, [], [])
     level_alpha = level_for(exact)
 
-    def one_more(level: Level, known: Sequence[Fitted]) -> tuple[list[Fitted], list[Tried]]:
+    def one_more(level: Level, known: Sequence[FittedSet]) -> tuple[list[FittedSet], list[ScoredSet]]:
         began("one effect at a time", level.tolerance)
         fits = fit_singles(problem, level.bench.test, level.base, level.adequacy, known)
         tried(fits)
         return fits, search_singles(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 
     def two_more(
-        level: Level, singles: list[Tried], known: Sequence[Fitted]
-    ) -> tuple[list[Fitted], list[Tried]]:
+        level: Level, singles: list[ScoredSet], known: Sequence[FittedSet]
+    ) -> tuple[list[FittedSet], list[ScoredSet]]:
         began("two effects at a time", level.tolerance)
         fits = fit_pairs(problem, level.bench.test, level.base, level.adequacy, singles, known)
         tried(fits)

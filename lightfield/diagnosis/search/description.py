@@ -17,7 +17,8 @@ from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import from_valleys, objective, on_sample, under_own_errors
-from lightfield.diagnosis.search.small_sets import Fitted, Tried, fit_pairs, fit_singles
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
+from lightfield.diagnosis.search.small_sets import fit_pairs, fit_singles
 from lightfield.fitting.least_squares import Fit
 
 #: Effects that describe the readings worse than the best one by this factor in chi-square will not do.
@@ -37,7 +38,7 @@ class Description:
 
     Parameters
     ----------
-    known : tuple of (explanation, fit)
+    known : tuple of FittedSet
         All fits that were made.
     to_trace_per_m : float, optional
         Water whose diffuse light must be traced to say more.
@@ -45,7 +46,7 @@ class Description:
 
     explanation: Explanation
     fit: Fit
-    known: tuple[Fitted, ...] = ()
+    known: tuple[FittedSet, ...] = ()
     to_trace_per_m: float | None = None
 
 
@@ -57,7 +58,7 @@ def _judged(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whiten
 
 
 def describe(
-    problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool, known_before: Sequence[Fitted]
+    problem: Problem, whiten: Whitener, base: Fit, errors_stated: bool, known_before: Sequence[FittedSet]
 ) -> Description:
     """Description of readings that the base model was fitted to.
 
@@ -65,7 +66,7 @@ def describe(
     ----------
     whiten : Whitener
         By the errors of the readings alone.
-    known_before : sequence of (explanation, fit)
+    known_before : sequence of FittedSet
         Fits to begin from.
     """
     n = int(problem.keep.sum())
@@ -85,27 +86,28 @@ def describe(
     known = fit_singles(problem, test, base, at_base, known_before)
     if not known:
         return Description((), base)
-    known.sort(key=lambda s: s[1].chi2)
-    ranked = [Tried(e, f, f.chi2) for e, f in known]
+    known.sort(key=lambda one: one.fit.chi2)
+    ranked = [ScoredSet(one.explanation, one.fit, one.fit.chi2) for one in known]
     # Light of few photons has large errors: which effect is the best shows only under its own.
-    near = [(e, f) for e, f in known if f.chi2 < FAR_FROM_BEST * known[0][1].chi2]
-    judged = [_judged(problem, e, f, whiten) for e, f in near]
+    near = [one for one in known if one.fit.chi2 < FAR_FROM_BEST * known[0].fit.chi2]
+    judged = [_judged(problem, one.explanation, one.fit, whiten) for one in near]
     i = min(range(len(near)), key=lambda k: objective(judged[k]))
     best, (own, fit) = near[i], judged[i]
     missing = problem.forward.light.to_trace([fit.values])
-    poor = misses(test, best[1])
-    if poor and best[0][0].effect.diffuse:  # for its few photons? Of many readings a sample tells.
+    poor = misses(test, best.fit)
+    if poor and best.is_diffuse:  # for its few photons? Of many readings a sample tells.
         some = problem if problem.sample is None else problem.sample[1]
         poor = misses(test_under(some, own), fit)
     if poor:
         # When dense water is the best so far, the question is only whether a pair in clear water does better.
         first = ranked[: 1 if missing else _SINGLES]
         pairs = fit_pairs(problem, test, base, at_base, first, thorough=not missing)
-        best = min([best, *pairs], key=lambda p: p[1].chi2 / chdtri(n - len(p[1].u), 0.5))
-        some, there, own = on_sample(problem, *best, whiten)
-        asked = problem.forward.light.to_trace([under_own_errors(some, best[0], there, own)[1].values])
+        best = min([best, *pairs], key=lambda one: one.fit.chi2 / chdtri(n - len(one.fit.u), 0.5))
+        some, there, own = on_sample(problem, best.explanation, best.fit, whiten)
+        own_fit = under_own_errors(some, best.explanation, there, own)[1]
+        asked = problem.forward.light.to_trace([own_fit.values])
         missing = asked and (missing or asked)  # what one effect asks for is known better
         known += pairs
-    known[: len(near)] = [(e, f) for (e, _), (_, f) in zip(near, judged, strict=True)]
-    explanation, fit = best if best[1].chi2 * _WORTH < base.chi2 else ((), base)
-    return Description(explanation, fit, tuple(known), missing)
+    known[: len(near)] = [FittedSet(one.explanation, f) for one, (_, f) in zip(near, judged, strict=True)]
+    used = best if best.fit.chi2 * _WORTH < base.chi2 else FittedSet((), base)
+    return Description(used.explanation, used.fit, tuple(known), missing)

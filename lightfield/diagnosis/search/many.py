@@ -10,16 +10,16 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
 from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.cascade import Finding, Level, level_for, with_base
+from lightfield.diagnosis.search.cascade import Level, SearchResult, level_for, with_base
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
 from lightfield.diagnosis.search.pool.any_number import Data, Ends, Many, ground_about, never, search_many
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Ground, Key, Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared
 from lightfield.diagnosis.search.search_progress import Progress
-from lightfield.diagnosis.search.small_sets import Tried, weights
+from lightfield.diagnosis.search.set_of_effects import FittedSet, Key, ScoredSet, weights
 
 #: Accepted sets that are tested and told, and sets that came near them.
 _ACCEPTED, _NEAR = 8, 12
@@ -33,17 +33,17 @@ _FAR = 2.0
 def beyond_two(
     data: Data,
     prepared: Prepared,
-    finding: Finding,
+    finding: SearchResult,
     alpha: float,
     seed: int,
     progress: Progress,
     ends: Ends = never,
-) -> tuple[Prepared, Finding]:
+) -> tuple[Prepared, SearchResult]:
     """What any number of effects explain, and noise and outliers as judged about them.
 
     Parameters
     ----------
-    finding : Finding
+    finding : SearchResult
         That no one or two effects explain the readings, or none that is believed.
     seed : int
         Of the bootstrap.
@@ -53,7 +53,9 @@ def beyond_two(
     many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress, ends)
     bench, base = many.bench, many.base.fit
     level = Level(many.tolerance, bench, base, bench.test(base))
-    best = Tried(many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test)
+    best = ScoredSet(
+        many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test
+    )
     near = sorted(many.pool.nodes.values(), key=many.pool.cost)[:_NEAR]
     others = (_tried(many.pool, n, bench) for n in near if n is not many.best and n.explanation)
     kept = int(many.prepared.problem.keep.sum())
@@ -69,15 +71,15 @@ def beyond_two(
     )
 
 
-def _tried(pool: Pool, node: Node, bench: Bench) -> Tried:
-    return Tried(node.explanation, node.fit, pool.cost(node), None, bench.test)
+def _tried(pool: Pool, node: FittedSet, bench: Bench) -> ScoredSet:
+    return ScoredSet(node.explanation, node.fit, pool.cost(node), None, bench.test)
 
 
-def _family(many: Many, alpha: float) -> list[Tried]:
+def _family(many: Many, alpha: float) -> list[ScoredSet]:
     """Other sets that are accepted beside the best, best first."""
-    out: dict[Key, Tried] = {}
+    out: dict[Key, ScoredSet] = {}
 
-    def passes(node: Node) -> bool:
+    def passes(node: FittedSet) -> bool:
         tested = replace(_tried(many.pool, node, many.bench), adequacy=many.bench.test(node.fit))
         out[node.key] = tested
         return tested.accepted(alpha)
@@ -89,7 +91,7 @@ def _family(many: Many, alpha: float) -> list[Tried]:
 def misses_by_far(tolerance: float) -> Ends:
     """A search ends whose best first set misses the readings by far more than noise and tolerance."""
 
-    def ends(prepared: Prepared, pool: Pool, known: Node, found: Node) -> bool:
+    def ends(prepared: Prepared, pool: Pool, known: FittedSet, found: FittedSet) -> bool:
         made, ground = ground_about(prepared, tolerance, np.random.default_rng(0), found)
         problem = prepared.problem
         residual = made.whiten(problem.keep * (problem.value - found.fit.prediction))
@@ -101,7 +103,7 @@ def misses_by_far(tolerance: float) -> Ends:
 def leaves(part: float) -> Ends:
     """A search ends whose best first set leaves more than a part of what is left beside what was known."""
 
-    def ends(prepared: Prepared, pool: Pool, known: Node, found: Node) -> bool:
+    def ends(prepared: Prepared, pool: Pool, known: FittedSet, found: FittedSet) -> bool:
         kept = float(prepared.problem.keep.sum())
         now, before = (node.fit.chi2 / (kept - len(node.fit.u)) for node in (found, known))
         return now > part * before
@@ -109,7 +111,7 @@ def leaves(part: float) -> Ends:
     return ends
 
 
-def in_pool(finding: Finding) -> Node | None:
+def in_pool(finding: SearchResult) -> FittedSet | None:
     """The best set in its pool; None where none was sought, and of many readings, where fits take long."""
     many, best = finding.many, finding.best
     if many is None or best is None or many.pool.problem.layout.size > MANY:
@@ -118,7 +120,7 @@ def in_pool(finding: Finding) -> Node | None:
     return node if node is not None and {c.key for c in best.explanation} == node.key else None
 
 
-def levelled(data: Data, prepared: Prepared, finding: Finding) -> Finding:
+def levelled(data: Data, prepared: Prepared, finding: SearchResult) -> SearchResult:
     """A finding of one or two effects with how sure each of them is.
 
     Sets that hold none of them are sought as for any number of effects, on the ground on which the finding
@@ -154,7 +156,7 @@ def levelled(data: Data, prepared: Prepared, finding: Finding) -> Finding:
     return finding if data.problem.sample is not None else _beside(finding, pool, node, best.test)
 
 
-def is_overtaken(finding: Finding) -> bool:
+def is_overtaken(finding: SearchResult) -> bool:
     """Do one or two effects pass the test, though a set among their rivals costs less by more than names are
     worth? Most often a curve, which is not sought where a name passes."""
     many = finding.many
@@ -167,7 +169,7 @@ def _never_tested() -> Array:
     raise AssertionError("a sample ranks, and tests nothing")
 
 
-def _beside(finding: Finding, pool: Pool, best: Node, test: AdequacyTest) -> Finding:
+def _beside(finding: SearchResult, pool: Pool, best: FittedSet, test: AdequacyTest) -> SearchResult:
     """The finding with other named sets that pass the test and cost little more; and with those of as many
     effects that fit as well, whatever the test says of the rest.
 
@@ -179,7 +181,7 @@ def _beside(finding: Finding, pool: Pool, best: Node, test: AdequacyTest) -> Fin
     limit = best.fit.chi2 + _AS_GOOD * pool.ground.phi
     tested: dict[Key, Adequacy] = {}
 
-    def is_one(node: Node) -> bool:
+    def is_one(node: FittedSet) -> bool:
         if _has_curve(node) or any(names <= node.names for names in known):
             return False
         tested[node.key] = test(node.fit)
@@ -190,10 +192,12 @@ def _beside(finding: Finding, pool: Pool, best: Node, test: AdequacyTest) -> Fin
     if not more:
         return finding
     first = finding.accepted[0]
-    others = [Tried(n.explanation, n.fit, first.bic + weighing.above(n), tested[n.key], test) for n in more]
+    others = [
+        ScoredSet(n.explanation, n.fit, first.bic + weighing.above(n), tested[n.key], test) for n in more
+    ]
     accepted = [*finding.accepted, *others]  # what passes the test comes first
     return replace(finding, accepted=accepted, weights=with_base(accepted, finding.level, finding.n))
 
 
-def _has_curve(node: Node) -> bool:
+def _has_curve(node: FittedSet) -> bool:
     return any(c.effect.is_free_form for c in node.explanation)

@@ -41,7 +41,7 @@ from lightfield.diagnosis.search.kept_readings import (
     without_outliers,
 )
 from lightfield.diagnosis.search.own_errors import with_response_error
-from lightfield.diagnosis.search.small_sets import Fitted
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit
 
 #: Replicates of the bootstrap. Derived: the smallest p is 0.001, a tenth of the level of a test.
@@ -71,7 +71,7 @@ class Prepared:
     explanation: Explanation
     errors_stated: bool
     excess: float = 1.0
-    known: tuple[Fitted, ...] = ()
+    known: tuple[FittedSet, ...] = ()
     to_trace_per_m: float | None = None
     doubted: bool = False
 
@@ -117,7 +117,7 @@ def prepare_problem(
     budget: Budget,
     rng: np.random.Generator,
     alpha: float = ALPHA,
-    known: Sequence[Fitted] = (),
+    known: Sequence[FittedSet] = (),
 ) -> Prepared:
     """Outliers, smoothed errors and serial correlation.
 
@@ -131,7 +131,7 @@ def prepare_problem(
         Standard errors of the table; NaN where unknown.
     alpha : float
         Level of the test of the base model.
-    known : sequence of (explanation, fit)
+    known : sequence of FittedSet
         Fits to the same readings with another trace of the diffuse light, to begin from.
     """
     rich = _prepared(problem, quoted, budget, known)
@@ -163,7 +163,7 @@ def base_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> T
 
 
 def _prepared(
-    problem: Problem, quoted: Array, budget: Budget, known: Sequence[Fitted] = (), by_law: bool = False
+    problem: Problem, quoted: Array, budget: Budget, known: Sequence[FittedSet] = (), by_law: bool = False
 ) -> Prepared:
     """Outliers judged beside the rich model; `by_law`: the errors are those that the scatter told.
 
@@ -180,7 +180,7 @@ def _prepared(
         again = prepare_about(every, quoted, budget, made.explanation, made.reference)
         return replace(again, known=made.known, to_trace_per_m=made.to_trace_per_m)
     # The light of another trace moves the fits by it too far to begin from there.
-    same = [f for f in known if not any(c.effect.diffuse for c in f[0])]
+    same = [one for one in known if not one.is_diffuse]
     described = describe(problem, whiten, base, stated, same)
     explanation, reference = described.explanation, described.fit
     own: Array = np.zeros_like(usable, float)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest, Score
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -18,9 +17,8 @@ from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.linear_pairs import linear_pairs
 from lightfield.diagnosis.search.own_errors import on_sample
 from lightfield.diagnosis.search.profile_likelihood import LOWER, ROUGH_STEPS, lowest, profiled, restarted
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic
 from lightfield.fitting.least_squares import Fit
-
-Fitted = tuple[Explanation, Fit]
 
 #: Explanations worse than the best by more than this in BIC are out of the question: their weight is 4e-6.
 #: Kass and Raftery (1995, doi:10.1080/01621459.1995.10476572) call 10 "very strong".
@@ -44,75 +42,6 @@ _RESTARTED, _PROFILED = 5, 3
 _ALONE, _IN_A_PAIR, _NEAR_ZERO, _OFF_ZERO = 0.3, 0.5, 0.1, 0.5
 #: Of the grid of a shape so many are fitted to the end. Chosen: time against thoroughness.
 _SHAPES_FINISHED = 2
-
-
-@dataclass(frozen=True)
-class Tried:
-    """A fitted explanation; its test is missing when it was too far behind to be worth one.
-
-    Parameters
-    ----------
-    errors : mapping
-        Standard errors by path that the profile over the shapes asks for.
-    """
-
-    explanation: Explanation
-    fit: Fit
-    bic: float
-    adequacy: Adequacy | None = None
-    test: AdequacyTest | None = None
-    errors: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(sorted(c.name for c in self.explanation))
-
-    @property
-    def at_edge(self) -> bool:
-        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?
-
-        That an effect which the scene has is not there at all is an answer, not an edge.
-        """
-        found = dict(zip(self.fit.paths, self.fit.u, strict=True))
-        return self._bounded(
-            p.path
-            for c in self.explanation
-            for p, off in zip(c.amplitudes, c.neutral, strict=True)
-            if not (c.is_stated and found[p.path] == off)
-        )
-
-    @property
-    def at_bound(self) -> bool:
-        """Does any parameter of the effects lie at a bound, a shape included?"""
-        return self._bounded(p.path for c in self.explanation for p in c.parameters)
-
-    def _bounded(self, paths: Iterable[str]) -> bool:
-        bounded = {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
-        return not bounded.isdisjoint(paths)
-
-    @property
-    def undetermined(self) -> bool:
-        """Is the error of an amplitude wider than what is plausible of it?"""
-        amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
-        errors = self.fit.stderr(self.adequacy.phi if self.adequacy else 1.0)
-        return any(
-            not errors[p.path] <= p.width(u)
-            for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
-            if p.path in amplitudes and not p.is_held
-        )
-
-    def reaching(self, values: Mapping[str, float], errors: Mapping[str, float]) -> Tried:
-        """The set as it stands, with errors that reach these values with theirs."""
-        wider = dict(self.errors)
-        for path in self.fit.paths:
-            if path in values:
-                reach = np.hypot(np.nan_to_num(errors[path]), values[path] - self.fit.values[path])
-                wider[path] = float(np.fmax(wider.get(path, 0.0), reach))
-        return replace(self, errors=wider)
-
-    def accepted(self, alpha: float) -> bool:
-        """Does it leave nothing unexplained?"""
-        return self.adequacy is not None and self.adequacy.passes(alpha)
 
 
 def clipped(candidate: Candidate, amplitudes: Array, part: float) -> list[float]:
@@ -154,14 +83,6 @@ class UnderOwnErrors(Protocol):
         """Test, fit, and growth of the log determinant."""
 
 
-def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
-    """Bayesian information criterion with a known variance scale (Schwarz 1978,
-    doi:10.1214/aos/1176344136); ranks, never decides."""
-    return (fit.chi2 + cost_of_amplifying(fit)) / phi + np.log(n) * sum(
-        len(c.parameters) for c in explanation
-    )
-
-
 def _key(explanation: Explanation) -> frozenset[tuple[str, str]]:
     return frozenset(c.key for c in explanation)
 
@@ -172,16 +93,16 @@ def _determined(problem: Problem, explanation: Explanation) -> bool:
 
 
 def fit_singles(
-    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy, known: Sequence[Fitted] = ()
-) -> list[Fitted]:
+    problem: Problem, test: AdequacyTest, base: Fit, at_base: Adequacy, known: Sequence[FittedSet] = ()
+) -> list[FittedSet]:
     """Every testable form added alone, from the score's start at each shape and from a typical size.
 
     Parameters
     ----------
-    known : sequence of (explanation, fit)
+    known : sequence of FittedSet
         Fits under other errors, to begin from instead.
     """
-    before = {_key(explanation): fit.u for explanation, fit in known}
+    before = {one.key: one.fit.u for one in known}
     starts: dict[tuple[str, str], list[Array]] = {}
     forms: dict[tuple[str, str], Candidate] = {}
     for score, amplitude in zip(at_base.scores, at_base.amplitudes, strict=True):
@@ -205,11 +126,11 @@ def fit_singles(
             chosen = [*chosen, problem.default_start(base.u, (candidate,))]
         begun.append(((candidate,), chosen))
     fits = problem.fit_all(begun, test.whiten)
-    return [(explanation, fit) for (explanation, _), fit in zip(begun, fits, strict=True)]
+    return [FittedSet(explanation, fit) for (explanation, _), fit in zip(begun, fits, strict=True)]
 
 
 def _extensions(
-    problem: Problem, single: Tried, test: AdequacyTest
+    problem: Problem, single: ScoredSet, test: AdequacyTest
 ) -> list[tuple[float, Explanation, Array]]:
     """Pairs that contain a fitted single effect, with the chi-square the score promises."""
     known = single.adequacy
@@ -243,7 +164,7 @@ def _pairs_at_base(problem: Problem, base: Fit, at: Adequacy) -> list[tuple[floa
     return found
 
 
-def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
+def _tested(tried: list[ScoredSet], at_least: int, at_most: int) -> list[ScoredSet]:
     """Tests in the order of BIC until the rest is far behind."""
     ranked = sorted(tried, key=lambda t: t.bic)
     out = []
@@ -254,27 +175,29 @@ def _tested(tried: list[Tried], at_least: int, at_most: int) -> list[Tried]:
     return out
 
 
-def _ranked(problem: Problem, test: AdequacyTest, fits: list[Fitted], own: UnderOwnErrors) -> list[Tried]:
+def _ranked(
+    problem: Problem, test: AdequacyTest, fits: list[FittedSet], own: UnderOwnErrors
+) -> list[ScoredSet]:
     """Fits with BIC, those by diffuse light under their own errors; one variance scale for all."""
-    lowest = min((fit for _, fit in fits), key=lambda f: f.chi2)
-    diffuse = [f for f in fits if any(c.effect.diffuse for c in f[0]) and not own.hopeless(f[1], lowest)]
+    lowest = min((one.fit for one in fits), key=lambda f: f.chi2)
+    diffuse = [one for one in fits if one.is_diffuse and not own.hopeless(one.fit, lowest)]
     if len(diffuse) > _REFITTED:
-        diffuse = sorted(diffuse, key=lambda f: own.promise(f[1]))[:_REFITTED]
+        diffuse = sorted(diffuse, key=lambda one: own.promise(one.fit))[:_REFITTED]
     made: list[tuple[Explanation, Fit, AdequacyTest, float]] = []
-    for explanation, fit in fits:
-        if any(explanation is e for e, _ in diffuse):
-            mine, refit, growth = own.refit(explanation, fit)
-            made.append((explanation, refit, mine, growth))
+    for one in fits:
+        if any(one is other for other in diffuse):
+            mine, refit, growth = own.refit(one.explanation, one.fit)
+            made.append((one.explanation, refit, mine, growth))
         else:
-            made.append((explanation, fit, test, 0.0))
+            made.append((one.explanation, one.fit, test, 0.0))
     best = min(made, key=lambda m: m[1].chi2 + m[3])
     n, phi = int(problem.keep.sum()), best[2](best[1]).phi
-    return [Tried(e, f, bic(f, e, phi, n) + growth, None, mine) for e, f, mine, growth in made]
+    return [ScoredSet(e, f, bic(f, e, phi, n) + growth, None, mine) for e, f, mine, growth in made]
 
 
 def search_singles(
-    problem: Problem, test: AdequacyTest, fits: list[Fitted], own: UnderOwnErrors
-) -> list[Tried]:
+    problem: Problem, test: AdequacyTest, fits: list[FittedSet], own: UnderOwnErrors
+) -> list[ScoredSet]:
     """Single effects, best first, the near ones tested."""
     return _tested(_ranked(problem, test, fits, own), _SINGLES_TESTED, _TESTED) if fits else []
 
@@ -284,15 +207,15 @@ def fit_pairs(
     test: AdequacyTest,
     base: Fit,
     at_base: Adequacy,
-    singles: list[Tried],
-    known: Sequence[Fitted] = (),
+    singles: list[ScoredSet],
+    known: Sequence[FittedSet] = (),
     thorough: bool = True,
-) -> list[Fitted]:
+) -> list[FittedSet]:
     """Promising pairs, refitted: extensions of the best singles, and the best linear pairs at the base.
 
     Parameters
     ----------
-    known : sequence of (explanation, fit)
+    known : sequence of FittedSet
         Fits under other errors, to begin from instead.
     thorough : bool
         False: only those that are the best at first sight are fitted to the end, from one place each.
@@ -314,36 +237,37 @@ def fit_pairs(
                 new += 1
             if len(chosen.setdefault(key, [])) < 2:
                 chosen[key].append((pair, start))
-    before = {_key(explanation): (explanation, fit.u) for explanation, fit in known}
-    begun: list[Fitted] = []
+    before = {one.key: (one.explanation, one.fit.u) for one in known}
+    begun: list[FittedSet] = []
     for key, starts in chosen.items():
         steps, starts = (_FEW, [before[key]]) if key in before else (_ROUGH, starts)
-        rough = [(pair, problem.rough(pair, test.whiten, u, max_steps=steps)) for pair, u in starts]
-        begun.append(min(rough, key=lambda f: f[1].chi2))
-    begun.sort(key=lambda f: f[1].chi2)
+        rough = [FittedSet(pair, problem.rough(pair, test.whiten, u, max_steps=steps)) for pair, u in starts]
+        begun.append(min(rough, key=lambda one: one.fit.chi2))
+    begun.sort(key=lambda one: one.fit.chi2)
     most = _FINISHED if thorough else _QUICK
-    ends = problem.fit_all([(pair, [fit.u]) for pair, fit in begun[:most]], test.whiten)
-    finished = [(pair, fit) for (pair, _), fit in zip(begun, ends, strict=False)]
-    finished.sort(key=lambda f: f[1].chi2)
-    for i, (pair, fit) in enumerate(finished[: _RESTARTED if thorough else 0]):
-        if _key(pair) not in before:
-            finished[i] = (pair, restarted(problem, pair, fit, test.whiten))
+    ends = problem.fit_all([(one.explanation, [one.fit.u]) for one in begun[:most]], test.whiten)
+    finished = [FittedSet(one.explanation, fit) for one, fit in zip(begun, ends, strict=False)]
+    finished.sort(key=lambda one: one.fit.chi2)
+    for i, one in enumerate(finished[: _RESTARTED if thorough else 0]):
+        if one.key not in before:
+            again = restarted(problem, one.explanation, one.fit, test.whiten)
+            finished[i] = FittedSet(one.explanation, again)
     return finished
 
 
 def search_pairs(
-    problem: Problem, test: AdequacyTest, fits: list[Fitted], own: UnderOwnErrors
-) -> list[Tried]:
+    problem: Problem, test: AdequacyTest, fits: list[FittedSet], own: UnderOwnErrors
+) -> list[ScoredSet]:
     """Pairs of effects, best first, the near ones tested."""
     return _tested(_ranked(problem, test, fits, own), 1, _TESTED) if fits else []
 
 
-def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
+def accepted(tried: list[ScoredSet], alpha: float) -> list[ScoredSet]:
     """Accepted explanations, best first; of several forms of the same effects only the best.
 
     Explanations with an amplitude at a bound count only when there is no other.
     """
-    out: dict[tuple[str, ...], Tried] = {}
+    out: dict[tuple[str, ...], ScoredSet] = {}
     for one in sorted(tried, key=lambda t: t.bic):
         if one.accepted(alpha):
             out.setdefault(one.names, one)
@@ -351,7 +275,7 @@ def accepted(tried: list[Tried], alpha: float) -> list[Tried]:
     return inside or list(out.values())
 
 
-def at_lowest_minima(problem: Problem, found: list[Tried]) -> list[Tried]:
+def at_lowest_minima(problem: Problem, found: list[ScoredSet]) -> list[ScoredSet]:
     """Accepted explanations at the lowest minimum over their shapes, the first ones with profiled errors.
 
     Of many readings the minima of what scatters are told apart by a sample: its light is traced anew where
@@ -373,7 +297,7 @@ def at_lowest_minima(problem: Problem, found: list[Tried]) -> list[Tried]:
     return sorted(out, key=lambda t: t.bic)
 
 
-def _lowest_of_sample(problem: Problem, one: Tried, whiten: Whitener, phi: float) -> Fit:
+def _lowest_of_sample(problem: Problem, one: ScoredSet, whiten: Whitener, phi: float) -> Fit:
     """The fit, or a better one where a sample has a lower minimum over the shapes."""
     some, there, own = on_sample(problem, one.explanation, one.fit, whiten)
     other = lowest(some, one.explanation, there, own)
@@ -381,10 +305,3 @@ def _lowest_of_sample(problem: Problem, one: Tried, whiten: Whitener, phi: float
         return one.fit
     every = problem.fit(one.explanation, whiten, [other.u])
     return every if every.chi2 < one.fit.chi2 - LOWER * phi else one.fit
-
-
-def weights(explanations: list[Tried]) -> list[float]:
-    """Relative evidence exp(-BIC/2), summing to one."""
-    values = np.array([t.bic for t in explanations])
-    relative = np.exp(-0.5 * (values - values.min()))
-    return [float(w) for w in relative / relative.sum()]

@@ -17,7 +17,7 @@ from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: What would have been seen would have been missed with this probability. Chosen, as is usual.
@@ -43,13 +43,13 @@ _RIVALS = 4
 class Rival:
     """Another explanation and its distance from the one that is claimed."""
 
-    explanation: Tried
+    explanation: ScoredSet
     separation_sigma: float
     fit: Fit
 
 
 def separation(
-    problem: Problem, whiten: Whiten, truth: Fit, rival: Tried, phi: float, left: float = _LEFT
+    problem: Problem, whiten: Whiten, truth: Fit, rival: ScoredSet, phi: float, left: float = _LEFT
 ) -> Rival:
     """Distance from the readings under `truth` to the nearest that the rival can produce.
 
@@ -62,10 +62,10 @@ def separation(
 
 
 def nearest_rival(
-    problem: Problem, whiten: Whiten, best: Tried, tried: list[Tried], phi: float
+    problem: Problem, whiten: Whiten, best: ScoredSet, tried: list[ScoredSet], phi: float
 ) -> Rival | None:
     """The explanation of the same size by other effects that comes nearest to the best one."""
-    others: dict[tuple[str, ...], Tried] = {}
+    others: dict[tuple[str, ...], ScoredSet] = {}
     for one in sorted(tried, key=lambda t: t.bic):
         if one.names != best.names and len(one.explanation) == len(best.explanation):
             others.setdefault(one.names, one)
@@ -76,7 +76,7 @@ def nearest_rival(
     return min(rivals, key=lambda r: r.separation_sigma, default=None)
 
 
-def _nearest(problem: Problem, whiten: Whiten, truth: Fit, rivals: list[Tried]) -> list[Tried]:
+def _nearest(problem: Problem, whiten: Whiten, truth: Fit, rivals: list[ScoredSet]) -> list[ScoredSet]:
     """Those of the rivals that may be the nearest; of many readings as a sample has them."""
     if problem.sample is None or not isinstance(whiten, Whitener):
         return rivals

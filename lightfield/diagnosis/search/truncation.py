@@ -21,10 +21,10 @@ from scipy.special import stdtrit
 from lightfield.diagnosis.adequacy.subspace import by_others
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit
 from lightfield.diagnosis.search.profile_likelihood import ONE_SIGMA, TWO_SIGMA
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
@@ -37,12 +37,12 @@ _STEPS, _LEFT = 20, 0.05
 _HOLDS, _SINGULAR = 0.8413, 1e-6
 
 
-def with_truncation(finding: Finding) -> Finding:
+def with_truncation(finding: SearchResult) -> SearchResult:
     """The finding whose best set has errors that know what its curves leave out."""
     return finding.with_closest(_widened)
 
 
-def _widened(tried: Tried) -> Tried:
+def _widened(tried: ScoredSet) -> ScoredSet:
     if tried.test is None:
         return tried
     problem = tried.test.problem
@@ -57,7 +57,7 @@ def _widened(tried: Tried) -> Tried:
     return tried if errors == tried.errors else replace(tried, errors=errors)
 
 
-def slope_errors(tried: Tried, problem: Problem) -> Mapping[str, float]:
+def slope_errors(tried: ScoredSet, problem: Problem) -> Mapping[str, float]:
     """What level and slope of the gains of planes may do to each value, by path; empty without such gains.
 
     Gains of m planes that were independent leave m - 2 numbers beside their line over z: by these they
@@ -92,7 +92,9 @@ def _longer(problem: Problem, candidate: Candidate) -> Candidate:
     return min(more, key=lambda c: len(c.parameters), default=candidate)
 
 
-def truncation_errors(tried: Tried, problem: Problem, longer: Explanation, phi: float) -> Mapping[str, float]:
+def truncation_errors(
+    tried: ScoredSet, problem: Problem, longer: Explanation, phi: float
+) -> Mapping[str, float]:
     """Standard errors by path, in the scene's unit, of all that is fitted but the curves themselves.
 
     Of fits with longer curves those within 1 of the lowest chi-square lie within one of them from the value
@@ -100,7 +102,7 @@ def truncation_errors(tried: Tried, problem: Problem, longer: Explanation, phi: 
 
     Parameters
     ----------
-    tried : Tried
+    tried : ScoredSet
         With its test.
     longer : tuple of Candidate
         Its explanation with longer curves.
@@ -143,7 +145,7 @@ def truncation_errors(tried: Tried, problem: Problem, longer: Explanation, phi: 
     return out
 
 
-def _shapes(tried: Tried) -> dict[str, float]:
+def _shapes(tried: ScoredSet) -> dict[str, float]:
     """Coordinates of the shapes that are fitted, and their errors; none at a bound."""
     sigma = np.sqrt(np.diag(tried.fit.covariance()))
     errors = dict(zip(tried.fit.paths, sigma.tolist(), strict=True))

@@ -11,9 +11,9 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA, separation
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
 from lightfield.diagnosis.verdict.parts import PlaceToRead
@@ -162,7 +162,7 @@ def _way(
     problem: Problem,
     whiten: Whiten,
     truth: Fit,
-    rival: Tried,
+    rival: ScoredSet,
     there: SceneForward,
     sigma: Callable[[Array], Array],
     phi: float,
@@ -199,7 +199,7 @@ def own_error(there: SceneForward, values: Mapping[str, float]) -> Array:
 
 
 def where_next(
-    prepared: Prepared, finding: Finding, forward: SceneForward, one: Tried, two: Tried
+    prepared: Prepared, finding: SearchResult, forward: SceneForward, one: ScoredSet, two: ScoredSet
 ) -> NextMeasurement:
     """Where to measure next so that two explanations part; another kind of measurement where no place helps.
 

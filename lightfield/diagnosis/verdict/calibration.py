@@ -16,9 +16,9 @@ from scipy import special
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import GAIN_ROOM
-from lightfield.diagnosis.search.cascade import Finding, Level
+from lightfield.diagnosis.search.cascade import Level, SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.told_apart import MISSED, Limit
 from lightfield.diagnosis.verdict.refutation import Judged
 from lightfield.errors import MeasurementError
@@ -83,7 +83,9 @@ def power_limits(problem: Problem, base: Fit, calibration: float | None) -> dict
     return {EFFECT: Limit(EFFECT, allowed.path, allowed.start * (factor - 1), reachable)}
 
 
-def on_absolute_scale(prepared: Prepared, problem: Problem, finding: Finding) -> tuple[Prepared, Finding]:
+def on_absolute_scale(
+    prepared: Prepared, problem: Problem, finding: SearchResult
+) -> tuple[Prepared, SearchResult]:
     """What was found by shape, with another lamp power beside it where its gain cannot be the calibration's.
 
     Parameters
@@ -95,7 +97,7 @@ def on_absolute_scale(prepared: Prepared, problem: Problem, finding: Finding) ->
     if power is None or calibration is None or finding.size is None:
         return prepared, finding
     phi = finding.level.phi
-    explanations = finding.accepted or [Tried((), finding.level.base, finding.level.base.chi2 / phi)]
+    explanations = finding.accepted or [ScoredSet((), finding.level.base, finding.level.base.chi2 / phi)]
     far = [sigmas_from_one(t.fit, t.adequacy.phi if t.adequacy else phi, calibration) for t in explanations]
     agreeing = [k for k, z in enumerate(far) if abs(z) <= AGREES_SIGMA]
     if agreeing:
@@ -106,7 +108,7 @@ def on_absolute_scale(prepared: Prepared, problem: Problem, finding: Finding) ->
         return prepared, replace(finding, accepted=[explanations[k] for k in agreeing], weights=share)
     known = replace(prepared, problem=replace(problem, keep=prepared.problem.keep))
 
-    def more(tried: Tried) -> Tried:
+    def more(tried: ScoredSet) -> ScoredSet:
         return with_power(known, finding, tried, power)
 
     off = min(map(abs, far))
@@ -120,7 +122,7 @@ def on_absolute_scale(prepared: Prepared, problem: Problem, finding: Finding) ->
     )  # fmt: skip
 
 
-def with_power(prepared: Prepared, finding: Finding, tried: Tried, power: Candidate) -> Tried:
+def with_power(prepared: Prepared, finding: SearchResult, tried: ScoredSet, power: Candidate) -> ScoredSet:
     """An explanation with its gain put down to the lamp; the same prediction."""
     explanation = (*tried.explanation, power)
     known = dict(zip(tried.fit.paths, tried.fit.u, strict=True))
@@ -162,12 +164,12 @@ def _contradicted(known: Prepared, level: Level, sigma: float) -> Level:
     return replace(level, base=base, adequacy=replace(level.adequacy, p=p))
 
 
-def judged_power(prepared: Prepared, problem: Problem, finding: Finding) -> list[Judged]:
+def judged_power(prepared: Prepared, problem: Problem, finding: SearchResult) -> list[Judged]:
     """What the readings say of the lamp's power: one entry on an absolute scale, none on a relative one."""
     power, calibration = _power(problem), prepared.noise.budget.calibration
     if power is None or calibration is None:
         return []
-    best = finding.best or Tried((), finding.level.base, 0.0)
+    best = finding.best or ScoredSet((), finding.level.base, 0.0)
     found = any(c.name == EFFECT for c in best.explanation)
     phi = best.adequacy.phi if best.adequacy else finding.level.phi
     if found:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.arrays import finite
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival
 from lightfield.diagnosis.verdict.advice import where_next
@@ -44,7 +44,7 @@ from lightfield.version import __version__
 
 
 @dataclass(frozen=True)
-class Found:
+class VerdictBasis:
     """All that a verdict is made of.
 
     Parameters
@@ -64,7 +64,7 @@ class Found:
     forward: SceneForward
     readings: Readings
     prepared: Prepared
-    finding: Finding
+    finding: SearchResult
     steps: list[Step]
     untestable: Untestable
     trust: Trust
@@ -73,8 +73,8 @@ class Found:
     also: WithScattering | None = None
 
 
-def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
-    finding = found.finding
+def _rungs(basis: VerdictBasis, units: dict[str, str]) -> list[Rung]:
+    finding = basis.finding
     best, scale = finding.best, finding.level.phi
 
     def values(step: Step) -> dict[str, Estimate]:
@@ -94,23 +94,23 @@ def _rungs(found: Found, units: dict[str, str]) -> list[Rung]:
             chi2_per_dof=s.chi2_per_dof,
             held_out_percent=finite(s.held_out_percent),
             parameters=values(s),
-            scene=found.forward.scenes.at(s.fit.values).to_toml(),
+            scene=basis.forward.scenes.at(s.fit.values).to_toml(),
             removed_percent=part,
         )
-        for s, part in zip(found.steps, removed(found.steps, pure_error(finding)), strict=True)
+        for s, part in zip(basis.steps, removed(basis.steps, pure_error(finding)), strict=True)
     ]
 
 
-def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[AcceptedExplanation]:
-    finding, problem, level = found.finding, found.prepared.problem, found.finding.level
+def _explanations(basis: VerdictBasis, units: dict[str, str], hold_out: bool) -> list[AcceptedExplanation]:
+    finding, problem, level = basis.finding, basis.prepared.problem, basis.finding.level
     counted, n = bright(problem), int(problem.keep.sum())
-    quoted = level.bench.phi * found.prepared.excess
+    quoted = level.bench.phi * basis.prepared.excess
     out = []
     for k, (tried, weight) in enumerate(zip(finding.accepted, finding.weights, strict=True)):
         assert tried.adequacy is not None
         of_set = finding.errors_of_set if k == 0 else None
         if k == 0:
-            left_out = found.steps[-1].held_out_percent
+            left_out = basis.steps[-1].held_out_percent
         elif hold_out and not finding.beyond_two:
             left_out = held_out(
                 problem, tried.explanation, tried.fit, tried.test.whiten if tried.test else finding.whiten
@@ -134,7 +134,7 @@ def _explanations(found: Found, units: dict[str, str], hold_out: bool) -> list[A
 
 
 def _limits(
-    finding: Finding, units: dict[str, str], also: WithScattering | None
+    finding: SearchResult, units: dict[str, str], also: WithScattering | None
 ) -> dict[str, DetectionLimit]:
     best = finding.best
     adequacy = best.adequacy if best is not None and best.adequacy is not None else finding.level.adequacy
@@ -154,16 +154,16 @@ def _limits(
     }
 
 
-def _untestable(found: Found) -> dict[str, tuple[Hindrance, ...]]:
+def _untestable(basis: VerdictBasis) -> dict[str, tuple[Hindrance, ...]]:
     """What these readings cannot show, with reasons."""
-    scores = found.finding.levels[0].adequacy.scores
+    scores = basis.finding.levels[0].adequacy.scores
     testable = {s.template.candidate.name for s in scores if s.testable}
     others = (s.template.candidate.name for s in scores if not s.testable)
     absorbed = (Hindrance(Hinders.ABSORBED),)
-    return {**found.untestable, **{name: absorbed for name in others if name not in testable}}
+    return {**basis.untestable, **{name: absorbed for name in others if name not in testable}}
 
 
-def _of_best(finding: Finding, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
+def _of_best(finding: SearchResult, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
     """Parameters of the best set; errors that an unexplained misfit widens."""
     closest = finding.closest
     if closest is None:
@@ -174,7 +174,7 @@ def _of_best(finding: Finding, phi: float, units: dict[str, str]) -> dict[str, E
     return estimates(closest.fit, phi, units, closest.errors, finding.errors_of_set)
 
 
-def kind_of(finding: Finding) -> Kind:
+def kind_of(finding: SearchResult) -> Kind:
     """The kind of verdict that a finding is."""
     if finding.best is not None:
         return "identified" if finding.identified else "ambiguous"
@@ -190,14 +190,14 @@ class _LeftOpen(NamedTuple):
     left: Sequence[LeftOver] = ()
 
 
-def _left_open(found: Found, kind: Kind, advise: bool) -> _LeftOpen:
+def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _LeftOpen:
     """Of an answer its nearest rival and what tells them apart; else what the unexplained rest is like."""
-    prepared, finding = found.prepared, found.finding
+    prepared, finding = basis.prepared, basis.finding
     best = finding.best
     if best is None:
         if kind != "unexplained" or finding.withheld or finding.in_part:
             return _LeftOpen()
-        local = left_over(prepared, finding, found.readings) if advise or finding.unknown else []
+        local = left_over(prepared, finding, basis.readings) if advise or finding.unknown else []
         misfit, advice = unexplained(prepared, finding, local)
         return _LeftOpen(None, advice, misfit, along(misfit, [one.record for one in local]))
     rival, near = None, None
@@ -208,10 +208,10 @@ def _left_open(found: Found, kind: Kind, advise: bool) -> _LeftOpen:
     other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
     if kind != "ambiguous" or other is None or not advise:
         return _LeftOpen(rival)
-    return _LeftOpen(rival, where_next(prepared, finding, found.forward, best, other))
+    return _LeftOpen(rival, where_next(prepared, finding, basis.forward, best, other))
 
 
-def verdict_of(found: Found, advise: bool = True) -> Verdict:
+def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
     """The verdict as plain data.
 
     Parameters
@@ -219,35 +219,35 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
     advise : bool
         Work out held-out errors and the next measurement.
     """
-    prepared, finding, trust = found.prepared, found.finding, found.trust
-    problem, level, units = prepared.problem, finding.level, units_in(found.forward)
-    best, kind, untestable = finding.best, kind_of(finding), _untestable(found)
-    rival, advice, misfit, left = _left_open(found, kind, advise)
-    aside = set_aside(found.readings, trust)
+    prepared, finding, trust = basis.prepared, basis.finding, basis.trust
+    problem, level, units = prepared.problem, finding.level, units_in(basis.forward)
+    best, kind, untestable = finding.best, kind_of(finding), _untestable(basis)
+    rival, advice, misfit, left = _left_open(basis, kind, advise)
+    aside = set_aside(basis.readings, trust)
     # A misfit that has a coordinate says more than any doubt.
     doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
     if doubt is not None and doubt.structure is not None:
         coordinate, advice = doubt.structure.coordinate, look(aside)
-    explanations = _explanations(found, units, advise)
+    explanations = _explanations(basis, units, advise)
     counted = bright(problem)
     # Over the explained model, as the error of the last rung is.
-    explained = found.steps[-1].fit.prediction
+    explained = basis.steps[-1].fit.prediction
     floor = rms_over(standard_errors(prepared, finding)[counted], explained[counted])
     phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
     own_effects = stated_effects(
-        found.forward.scene,
+        basis.forward.scene,
         # What cannot be trusted contradicts no scene either.
-        [] if doubt is not None else [*found.lamp, *judged_effects(prepared, finding, untestable)],
+        [] if doubt is not None else [*basis.lamp, *judged_effects(prepared, finding, untestable)],
         (p.path for p in problem.base),
         untestable,
         lambda fit, least: estimates(fit, phi, units, least),
         best.errors if best is not None else finding.base_errors,
     )
     budget, of_best = prepared.noise.budget, _of_best(finding, phi, units)
-    small = unnamed.unnamed(finding, units, found.also) if advise else []
+    small = unnamed.unnamed(finding, units, basis.also) if advise else []
     # Too much noise names nothing; readings set aside leave the others as they are.
     nameless = doubt is not None and doubt.reason is not DoubtReason.SET_ASIDE
-    told = [] if nameless else found_effects(found.forward, finding, of_best)
+    told = [] if nameless else found_effects(basis.forward, finding, of_best)
     # By name: of an effect with several forms one may be in the best set, and another not testable.
     named = {one.effect for one in told}
     return Verdict(
@@ -256,23 +256,23 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         explanations=explanations,
         found=told,
         nearest_rival=rival,
-        detection_limits=_limits(finding, units, found.also),
+        detection_limits=_limits(finding, units, basis.also),
         hindrances={name: list(why) for name, why in untestable.items() if name not in named},
         unexplained_coordinate=coordinate,
         misfit=misfit,
         left_over=list(left),
         unnamed=small,
         reason_to_doubt=doubt,
-        ladder=_rungs(found, units),
+        ladder=_rungs(basis, units),
         noise_floor_percent=finite(floor),
         noise_percent=trust.noise_percent,
         next_measurement=advice,
         stated=own_effects,
         assumptions=list(budget.assumed),
         cautions=[
-            *hints(found.forward, problem, found.steps[-1].fit, budget.calibration),
-            *exchanged(found.forward, problem, finding),
-            *cautions(found.readings, prepared, finding, explanations),
+            *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
+            *exchanged(basis.forward, problem, finding),
+            *cautions(basis.readings, prepared, finding, explanations),
         ],
         base_p=finding.levels[0].adequacy.p,
         within_tolerance=level.tolerance > 0,
@@ -283,10 +283,10 @@ def verdict_of(found: Found, advise: bool = True) -> Verdict:
         variance_scale=variance_scale(prepared, finding),
         serial_correlation=prepared.serial.rho,
         outliers=[int(i) for i in np.flatnonzero(trust.aside)],
-        saturated=[int(i) for i in np.flatnonzero(found.readings.saturated)],
+        saturated=[int(i) for i in np.flatnonzero(basis.readings.saturated)],
         set_aside=aside,
         readings=problem.layout.size,
         several_wavelengths=bool(problem.layout.channel.max() > 0),
-        seed=found.seed,
+        seed=basis.seed,
         lightfield_version=__version__,
     )

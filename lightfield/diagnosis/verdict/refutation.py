@@ -20,9 +20,9 @@ from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonor
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.verdict.parts import CONTRADICTED_SIGMA, Estimate, StatedEffect
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit
@@ -104,7 +104,7 @@ def _sigmas(worse: float, parameters: int) -> float:
     return float(-special.ndtri(p / 2)) if p > TINY else float(np.sqrt(worse))
 
 
-def pruned(prepared: Prepared, finding: Finding) -> Finding:
+def pruned(prepared: Prepared, finding: SearchResult) -> SearchResult:
     """The finding whose explanations leave out what the scene has and the readings do as well without."""
     accepted = [_without(prepared.problem, one) for one in finding.accepted]
     if all(one is other for one, other in zip(accepted, finding.accepted, strict=True)):
@@ -112,7 +112,7 @@ def pruned(prepared: Prepared, finding: Finding) -> Finding:
     return replace(finding, accepted=accepted)
 
 
-def _without(problem: Problem, tried: Tried) -> Tried:
+def _without(problem: Problem, tried: ScoredSet) -> ScoredSet:
     for candidate in tried.explanation:
         if not (candidate.is_stated and tried.test and tried.adequacy):
             continue
@@ -125,7 +125,7 @@ def _without(problem: Problem, tried: Tried) -> Tried:
     return tried
 
 
-def judged_effects(prepared: Prepared, finding: Finding, untestable: Untestable) -> list[Judged]:
+def judged_effects(prepared: Prepared, finding: SearchResult, untestable: Untestable) -> list[Judged]:
     """Every testable effect that the scene has, in the order of the table of effects.
 
     Parameters
@@ -140,7 +140,7 @@ def judged_effects(prepared: Prepared, finding: Finding, untestable: Untestable)
     return [_judged(prepared.problem, finding, candidate) for candidate in stated.values()]
 
 
-def _judged(problem: Problem, finding: Finding, candidate: Candidate) -> Judged:
+def _judged(problem: Problem, finding: SearchResult, candidate: Candidate) -> Judged:
     whiten, best = finding.whiten, finding.best
     explanation = best.explanation if best else ()
     fit = best.fit if best else finding.level.base

@@ -12,7 +12,7 @@ from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.adequacy.slips import structure
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.ladder import bright
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, SetAside
@@ -62,7 +62,7 @@ class Trust:
     doubt: Doubt | None
 
 
-def error_scale(prepared: Prepared, finding: Finding) -> float:
+def error_scale(prepared: Prepared, finding: SearchResult) -> float:
     """Variance of the readings' errors over the quoted one, judged beside the best explanation.
 
     A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
@@ -73,19 +73,19 @@ def error_scale(prepared: Prepared, finding: Finding) -> float:
     return min(scale, CREDIBLE) if unexplained and prepared.errors_stated else scale
 
 
-def pure_error(finding: Finding) -> float:
+def pure_error(finding: SearchResult) -> float:
     """Variance of the noise in units of the whitening: what nothing explains is none of it."""
     phi = finding.level.phi
     return phi if finding.size is not None else min(phi, CREDIBLE / finding.level.bench.phi)
 
 
-def standard_errors(prepared: Prepared, finding: Finding) -> Array:
+def standard_errors(prepared: Prepared, finding: SearchResult) -> Array:
     """Standard error of every reading as the diagnosis used it, shape (n,)."""
     return np.sqrt(prepared.noise.variance(error_scale(prepared, finding), 0.0))
 
 
 def trust_of(
-    prepared: Prepared, finding: Finding, saturated: NDArray[np.bool_], rng: np.random.Generator
+    prepared: Prepared, finding: SearchResult, saturated: NDArray[np.bool_], rng: np.random.Generator
 ) -> Trust:
     """Noise, readings set aside, and what speaks against any verdict.
 
@@ -124,7 +124,7 @@ def set_aside(readings: Readings, trust: Trust) -> list[SetAside]:
     return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
 
 
-def says_nothing(prepared: Prepared, finding: Finding) -> bool:
+def says_nothing(prepared: Prepared, finding: SearchResult) -> bool:
     """Whether `trust_of` will doubt these readings whatever explains them, so that no more need be sought."""
     if _rounding_percent(prepared) > SANE_NOISE_PERCENT:
         return True
@@ -138,7 +138,7 @@ def says_nothing(prepared: Prepared, finding: Finding) -> bool:
     )
 
 
-def _doubt(prepared: Prepared, finding: Finding, fit: Fit, noise: float | None) -> Doubt | None:
+def _doubt(prepared: Prepared, finding: SearchResult, fit: Fit, noise: float | None) -> Doubt | None:
     if noise is None:
         return Doubt(reason=DoubtReason.NOTHING_BRIGHT)
     if (coarse := _rounding_percent(prepared)) > SANE_NOISE_PERCENT:
@@ -167,7 +167,7 @@ def _rounding_percent(prepared: Prepared) -> float:
 
 
 def _no_better_than_a_constant(
-    prepared: Prepared, finding: Finding, fit: Fit, noise: float
+    prepared: Prepared, finding: SearchResult, fit: Fit, noise: float
 ) -> DoubtReason | None:
     """Does a constant per wavelength tell the readings as well as the model, where light should vary?
 
@@ -202,7 +202,7 @@ def _contrast(values: Array, channels: Array) -> float:
     return max((float(np.std(v) / abs(v.mean())) for v in of_each if v.mean()), default=0.0)
 
 
-def _pinned(prepared: Prepared, finding: Finding, fit: Fit) -> dict[str, float]:
+def _pinned(prepared: Prepared, finding: SearchResult, fit: Fit) -> dict[str, float]:
     """Gains, width and absorption at a bound beyond which the readings push them."""
     out, bound = {}, fit.at_bound()
     free = orthonormal(fit.jacobian[:, ~bound], INDEPENDENT)

@@ -7,13 +7,13 @@ from typing import Any
 from pydantic import computed_field
 
 from lightfield.diagnosis.problem.untestable import in_words
-from lightfield.diagnosis.verdict.findings import Findings
+from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import unnamed_sentences
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
-class Verdict(Findings):
+class Verdict(VerdictData):
     """Everything a diagnosis says: data, and the words that follow from it."""
 
     @computed_field(description="the verdict in words")  # type: ignore[prop-decorator]

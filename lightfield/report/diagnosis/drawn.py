@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.small_sets import ScoredSet
 from lightfield.diagnosis.search.told_apart import separation
 from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.fitting.fitted_curves import fitted_curves
@@ -48,7 +48,7 @@ def _separations(found: Diagnosis) -> Separation | None:
         ):
             chosen.append(tried)
 
-    def between(one: Tried, other: Tried) -> float:
+    def between(one: ScoredSet, other: ScoredSet) -> float:
         if one is other:
             return 0.0
         left = max(_UNSEEN, _UNSEEN_PART * linear(one.fit, other.fit))

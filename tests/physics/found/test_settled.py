@@ -93,7 +93,7 @@ def test_many_readings_settle_where_a_sample_leads(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(problem, "MANY", 100)
     monkeypatch.setattr(problem, "SAMPLE", 60)
     found = diagnose(readings, case.believed, advise=False)
-    light = found.found.prepared.problem.forward.light.diffuse.followed
+    light = found.basis.prepared.problem.forward.light.diffuse.followed
     assert isinstance(light, FollowedLight) and light.ratio.shape[1] == len(readings.value)
     numbers = found.verdict.explanations[0].parameters
     assert found.verdict.effects == ["scattering"]

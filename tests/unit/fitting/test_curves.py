@@ -326,7 +326,7 @@ def test_a_diagnosis_leaves_its_curves_and_its_lamp(tmp_path: Path) -> None:
     found = problem(table, "beam_profile")
     last = replace(made.steps[-1], explanation=found.curves[-1:], fit=fitted(found, table.stderr))
     steps = [*made.steps[:-1], last]
-    replace(made, found=replace(made.found, steps=steps, forward=found.forward)).save(tmp_path / "with")
+    replace(made, basis=replace(made.basis, steps=steps, forward=found.forward)).save(tmp_path / "with")
     made.save(tmp_path / "without")
     assert {"lamp.csv", "curves.json"} <= {path.name for path in (tmp_path / "with").iterdir()}
     assert not {"lamp.csv", "curves.json"} & {path.name for path in (tmp_path / "without").iterdir()}

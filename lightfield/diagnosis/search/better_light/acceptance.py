@@ -13,13 +13,12 @@ import numpy as np
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import Settled
-from lightfield.diagnosis.search.cascade import Finding, level_for, with_base
+from lightfield.diagnosis.search.cascade import SearchResult, level_for, with_base
 from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile_likelihood import profiled
-from lightfield.diagnosis.search.small_sets import Tried, bic
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic
 from lightfield.fitting.least_squares import Fit
 
 #: Part of the level down to which an explanation that fails it narrowly may be the right one: the tests scale
@@ -28,11 +27,11 @@ _NEARLY = 0.1
 
 
 def accepted_of(
-    prepared: Prepared, finding: Finding, done: list[tuple[Tried, Settled]], rng: np.random.Generator
-) -> tuple[Prepared, Finding]:
+    prepared: Prepared, finding: SearchResult, done: list[tuple[ScoredSet, Settled]], rng: np.random.Generator
+) -> tuple[Prepared, SearchResult]:
     """What is accepted of a finding at its level, with what was settled in its place."""
     main, alpha = finding.level.bench.whiten, level_for(finding.level)
-    made: dict[int, tuple[Prepared, Tried]] = {}
+    made: dict[int, tuple[Prepared, ScoredSet]] = {}
     for tried, one in done:
         whiten, fit, errors = one.whiten, one.fit, tried.errors
         if whiten.tolerance != main.tolerance:
@@ -49,7 +48,7 @@ def accepted_of(
         new = replace(tried, fit=fit, bic=score, adequacy=adequacy, test=test, errors=errors)
         made[id(tried.explanation)] = there, new
 
-    def now(every: list[Tried]) -> list[Tried]:
+    def now(every: list[ScoredSet]) -> list[ScoredSet]:
         return [made[id(t.explanation)][1] if id(t.explanation) in made else t for t in every]
 
     passing = sorted((t for t in now(finding.contenders) if t.accepted(alpha)), key=lambda t: t.bic)
@@ -67,12 +66,12 @@ def accepted_of(
     return best, _with_evidence(after)
 
 
-def _nearly(tried: list[Tried], best: Tried, alpha: float) -> list[Tried]:
+def _nearly(tried: list[ScoredSet], best: ScoredSet, alpha: float) -> list[ScoredSet]:
     """What misses the level narrowly, with no more effects, and costs less than the best that passes.
 
     A test that one passes by a hair and the other fails by one does not tell them apart.
     """
-    near: dict[tuple[str, ...], Tried] = {}
+    near: dict[tuple[str, ...], ScoredSet] = {}
     for one in sorted(tried, key=lambda t: t.bic):
         narrowly = one.adequacy is not None and one.adequacy.passes(_NEARLY * alpha) and not one.at_edge
         no_more = len(one.explanation) <= len(best.explanation) and one.bic < best.bic
@@ -81,21 +80,21 @@ def _nearly(tried: list[Tried], best: Tried, alpha: float) -> list[Tried]:
     return list(near.values())
 
 
-def _named_first(passing: list[Tried]) -> list[Tried]:
+def _named_first(passing: list[ScoredSet]) -> list[ScoredSet]:
     """Best first, but of sets that are no further apart than a gap that with fewest curves."""
     near = [t for t in passing if t.bic < passing[0].bic + GAP]
     first = min(near, key=lambda t: (sum(not named(c) for c in t.explanation), t.bic), default=None)
     return sorted(passing, key=lambda t: t is not first)
 
 
-def _score(finding: Finding, explanation: Explanation, fit: Fit, phi: float) -> float:
+def _score(finding: SearchResult, explanation: Explanation, fit: Fit, phi: float) -> float:
     """By what a set is ranked beside others of the finding, which were not settled: as they are."""
     if finding.many is None or not finding.beyond_two:
         return bic(fit, explanation, phi, finding.n)
-    return finding.many.pool.cost(Node(explanation, fit))
+    return finding.many.pool.cost(FittedSet(explanation, fit))
 
 
-def _with_evidence(finding: Finding) -> Finding:
+def _with_evidence(finding: SearchResult) -> SearchResult:
     """The finding with what is known of the effects of its best set, where that is another one now.
 
     What no other set does without stays sure while the set that this was found of is accepted too.

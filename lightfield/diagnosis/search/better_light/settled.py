@@ -21,16 +21,16 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.acceptance import accepted_of
 from lightfield.diagnosis.search.better_light.settling import Judge, Settled, settle
-from lightfield.diagnosis.search.cascade import Finding, far_beyond, level_at
+from lightfield.diagnosis.search.cascade import SearchResult, far_beyond, level_at
 from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.own_errors import under_own_errors, with_response_error
 from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import GAP, Weighing
-from lightfield.diagnosis.search.pool.fitted_sets import Node, begin_at
+from lightfield.diagnosis.search.pool.fitted_sets import begin_at
 from lightfield.diagnosis.search.preparation import Prepared, judged, prepare_about
 from lightfield.diagnosis.search.profile_likelihood import restarted
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.fitting.least_squares import Fit
 
 #: So many explanations are settled. Chosen.
@@ -45,12 +45,12 @@ _IN_PLACE, _WITHIN = "scattering", 60.0
 def settled(
     data: Data,
     prepared: Prepared,
-    finding: Finding,
+    finding: SearchResult,
     rng: np.random.Generator,
     alpha: float = ALPHA,
     progress: Callable[[str], None] = lambda stage: None,
     seed: int = 0,
-) -> tuple[Prepared, Finding]:
+) -> tuple[Prepared, SearchResult]:
     """What was found, with explanations by scattered light settled, or, where nothing is missing, the base
     model of a scene that scatters; all as it was where there are none.
 
@@ -67,7 +67,7 @@ def settled(
     -------
     Prepared
         With the light of the best explanation, and noise and outliers as judged beside better light.
-    Finding
+    SearchResult
         Explanations that do not pass with the better light are accepted no longer, unless what is missing is
         within the tolerance; of what nothing explained, such that do are.
     """
@@ -86,7 +86,7 @@ def settled(
         simpler = _simpler(problem, chosen[0])
         finding = replace(finding, accepted=[*finding.accepted, *simpler], tried=[*finding.tried, *simpler])
         chosen += simpler
-    done: list[tuple[Tried, Settled]] = []
+    done: list[tuple[ScoredSet, Settled]] = []
     for tried in chosen:
         progress(f"the scattered light of {' and '.join(tried.names)}")
         assert tried.test is not None and isinstance(tried.test.whiten, Whitener)
@@ -114,7 +114,7 @@ def settled(
     return accepted_of(prepared, within, done, rng)
 
 
-def is_nearly_explained(prepared: Prepared, finding: Finding) -> bool:
+def is_nearly_explained(prepared: Prepared, finding: SearchResult) -> bool:
     """Do one or two effects by scattered light miss the readings by no more than its trace may be wrong?
 
     Settled they may explain them. Before more effects are sought: of many readings those would describe what
@@ -125,7 +125,7 @@ def is_nearly_explained(prepared: Prepared, finding: Finding) -> bool:
     return can_follow(problem) and any(not far_beyond(problem, finding.level, t.fit) for t in near)
 
 
-def _judge(data: Data, finding: Finding) -> Judge | None:
+def _judge(data: Data, finding: SearchResult) -> Judge | None:
     """How noise and outliers are judged beside better light; None where that brings nothing.
 
     Beside any number of effects they were judged in light that is followed: in two tables with three and four
@@ -143,7 +143,9 @@ def _judge(data: Data, finding: Finding) -> Judge | None:
     return judge
 
 
-def _judged_anew(noise: Prepared, finding: Finding, rng: np.random.Generator) -> tuple[Prepared, Finding]:
+def _judged_anew(
+    noise: Prepared, finding: SearchResult, rng: np.random.Generator
+) -> tuple[Prepared, SearchResult]:
     """A finding whose base model is judged under another noise, beside the errors of its own light."""
     own = with_response_error(noise.problem, noise.noise, finding.level.base)
     prepared = replace(noise, noise=own)
@@ -152,7 +154,9 @@ def _judged_anew(noise: Prepared, finding: Finding, rng: np.random.Generator) ->
     return prepared, replace(finding, level=level, levels=levels, n=int(prepared.problem.keep.sum()))
 
 
-def _others(prepared: Prepared, finding: Finding, chosen: list[Tried]) -> list[tuple[Tried, Settled]]:
+def _others(
+    prepared: Prepared, finding: SearchResult, chosen: list[ScoredSet]
+) -> list[tuple[ScoredSet, Settled]]:
     """What was tested but not settled, under the noise that was judged anew: all is compared under one."""
     problem, known = prepared.problem, {id(t.explanation) for t in chosen}
     out = []
@@ -166,13 +170,13 @@ def _others(prepared: Prepared, finding: Finding, chosen: list[Tried]) -> list[t
 
 def _base(
     prepared: Prepared,
-    finding: Finding,
+    finding: SearchResult,
     rng: np.random.Generator,
     alpha: float,
     progress: Callable[[str], None],
     seed: int,
     judge: Judge | None,
-) -> tuple[Prepared, Finding]:
+) -> tuple[Prepared, SearchResult]:
     """The base model of a scene that scatters as it states, where nothing is missing.
 
     Its width and absorption, and what the readings say of the stated scattering, rest on the same light.
@@ -196,7 +200,7 @@ def _base(
     return there, replace(found, level=now, levels=levels)
 
 
-def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) -> Finding:
+def _with_scattering_instead(prepared: Prepared, finding: SearchResult, seed: int) -> SearchResult:
     """The finding, where no effect is certain in whose place scattering does as well once it is settled; and
     the set with scattering that costs less than the answer, if there is one.
 
@@ -212,7 +216,7 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
     if node is None or more is None or not same or not isinstance(whiten, Whitener):
         return finding
     weighing, known = Weighing.of(pool, node), list(many.evidence)
-    claimed, cheaper = [e.candidate for e in known if e.is_claimed], list[Node]()
+    claimed, cheaper = [e.candidate for e in known if e.is_claimed], list[FittedSet]()
     for k, one in enumerate(known):
         kept = [c for c in claimed if c is not one.candidate]
         is_near = one.level == "certain" and named(one.candidate) and one.gap_named < _WITHIN
@@ -224,7 +228,7 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
         new = settle(problem, rival.explanation, rival.fit, whiten, seed)
         fit = restarted(new.problem, rival.explanation, new.fit, new.whiten)
         growth = new.whiten.log_determinant - whiten.log_determinant
-        there = Node(rival.explanation, replace(fit, chi2=fit.chi2 + growth))
+        there = FittedSet(rival.explanation, replace(fit, chi2=fit.chi2 + growth))
         known[k] = one.against(weighing, there)
         if weighing.above(there) < -GAP:
             cheaper.append(there)
@@ -232,10 +236,10 @@ def _with_scattering_instead(prepared: Prepared, finding: Finding, seed: int) ->
     return replace(finding, many=replace(many, evidence=known), cheaper=least)
 
 
-def _simpler(problem: Problem, pair: Tried) -> list[Tried]:
+def _simpler(problem: Problem, pair: ScoredSet) -> list[ScoredSet]:
     """The one of two effects that scatters, by itself: the other may describe what the trace of the search
     has wrong."""
-    out: list[Tried] = []
+    out: list[ScoredSet] = []
     if len(pair.explanation) < 2:
         return out
     for alone in pair.explanation:
@@ -244,5 +248,5 @@ def _simpler(problem: Problem, pair: Tried) -> list[Tried]:
         assert pair.test is not None
         fit = problem.fit((alone,), pair.test.whiten, [start])
         if scatters(problem, fit):
-            out.append(Tried((alone,), fit, np.inf, None, pair.test))
+            out.append(ScoredSet((alone,), fit, np.inf, None, pair.test))
     return out[:1]

@@ -11,11 +11,12 @@ from collections.abc import Iterator
 
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool
 from lightfield.diagnosis.search.pool.moves import polish
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 
-def beside_fresh_fits(pool: Pool, found: Node, allowed: Allowed) -> Node:
+def beside_fresh_fits(pool: Pool, found: FittedSet, allowed: Allowed) -> FittedSet:
     """The best set, once those around it were fitted anew that have no curve and ask for no trace."""
     for explanation in list(_around(pool, found)):
         if all(_is_quick(c) and allowed(c) for c in explanation) and pool.affordable(explanation):
@@ -23,7 +24,7 @@ def beside_fresh_fits(pool: Pool, found: Node, allowed: Allowed) -> Node:
     return found if pool.best() is found else polish(pool, allowed)
 
 
-def _around(pool: Pool, found: Node) -> Iterator[Explanation]:
+def _around(pool: Pool, found: FittedSet) -> Iterator[Explanation]:
     """Sets of the pool that differ by one effect from the named ones of a set, and these with any other."""
     named = [c for c in found.explanation if not c.effect.is_free_form]
     mine = {c.name for c in named}

@@ -5,9 +5,10 @@ from __future__ import annotations
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.evidence import Weighing
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.effects.local import FAMILY as UNKNOWN
 
 #: Cost by which a curve has to be better than named effects in its place. Chosen on a third of the sets of
@@ -23,13 +24,13 @@ def named(candidate: Candidate) -> bool:
 
 
 def the_answer(
-    pool: Pool, made: Bench, found: Node, adequacy: Adequacy, alpha: float
-) -> tuple[Node, Adequacy]:
+    pool: Pool, made: Bench, found: FittedSet, adequacy: Adequacy, alpha: float
+) -> tuple[FittedSet, Adequacy]:
     """What was found, or a set of the pool that is the better answer, with its test and its rivals.
 
     Parameters
     ----------
-    found, adequacy : Node, Adequacy
+    found, adequacy : FittedSet, Adequacy
         A set that passes the test, and that.
     alpha : float
         Level of the test.
@@ -39,8 +40,8 @@ def the_answer(
 
 
 def _named_first(
-    pool: Pool, made: Bench, found: Node, adequacy: Adequacy, alpha: float
-) -> tuple[Node, Adequacy]:
+    pool: Pool, made: Bench, found: FittedSet, adequacy: Adequacy, alpha: float
+) -> tuple[FittedSet, Adequacy]:
     """The cheapest set that passes the test with fewer curves, where the best costs little less; or the best.
 
     A curve follows whatever named effects it contains, and the noise besides. Where it is cheaper all the
@@ -60,8 +61,8 @@ def _named_first(
 
 
 def _cheaper_by_what_is_left(
-    pool: Pool, made: Bench, found: Node, adequacy: Adequacy, alpha: float
-) -> tuple[Node, Adequacy]:
+    pool: Pool, made: Bench, found: FittedSet, adequacy: Adequacy, alpha: float
+) -> tuple[FittedSet, Adequacy]:
     """A set that passes the test and costs less by more than names are worth, at the scale of noise by which
     gaps are told; or what was found.
 
@@ -77,7 +78,9 @@ def _cheaper_by_what_is_left(
     return found, adequacy
 
 
-def _if_it_passes(pool: Pool, made: Bench, node: Node, alpha: float) -> tuple[Node, Adequacy] | None:
+def _if_it_passes(
+    pool: Pool, made: Bench, node: FittedSet, alpha: float
+) -> tuple[FittedSet, Adequacy] | None:
     """A set as fitted with all its derivatives, and its test; its rivals are sought then."""
     exact = pool.exact(node)
     tested = made.test(exact.fit)

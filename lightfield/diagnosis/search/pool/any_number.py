@@ -19,12 +19,13 @@ from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
 from lightfield.diagnosis.search.pool.answer import named, the_answer
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool, fitted_at
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
 from lightfield.diagnosis.search.search_progress import Progress
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
@@ -64,8 +65,8 @@ class Many:
     bench: Bench
     tolerance: float
     pool: Pool
-    best: Node
-    base: Node
+    best: FittedSet
+    base: FittedSet
     adequacy: Adequacy
     adequate: bool
     evidence: Sequence[Evidence]
@@ -110,7 +111,7 @@ class Data:
 
 
 #: Does a search end with its first sets? Told the noise, their pool, what was known before, and the best.
-Ends = Callable[[Prepared, Pool, Node, Node], bool]
+Ends = Callable[[Prepared, Pool, FittedSet, FittedSet], bool]
 
 
 def never(*_: object) -> bool:
@@ -129,7 +130,7 @@ def everything(candidate: Candidate) -> bool:
 
 
 def ground_about(
-    prepared: Prepared, tolerance: float, rng: np.random.Generator, found: Node
+    prepared: Prepared, tolerance: float, rng: np.random.Generator, found: FittedSet
 ) -> tuple[Bench, Ground]:
     """Whitening, and the scale of the noise beside the best set, which was fitted under another one."""
     made = bench(prepared, tolerance, rng)
@@ -138,10 +139,10 @@ def ground_about(
     return made, Ground(made.test, adequacy.phi, adequacy.nu)
 
 
-def _pool(ground: Ground, best: Node, progress: Progress) -> Pool:
+def _pool(ground: Ground, best: FittedSet, progress: Progress) -> Pool:
     """A pool that holds the base model and what was the best set so far."""
 
-    def told(node: Node) -> None:
+    def told(node: FittedSet) -> None:
         progress.tried(1, ground.problem, node.explanation, node.fit)
 
     pool = Pool(ground)
@@ -185,7 +186,7 @@ def _curves(pool: Pool) -> None:
     polish(pool, everything)
 
 
-def _wider(pool: Pool, best: Node) -> None:
+def _wider(pool: Pool, best: FittedSet) -> None:
     """Another look before giving up."""
     forward(pool, pool.nodes[frozenset()], _WIDE, _FITS, named, patience=2)
     other = polish(pool, named)
@@ -217,7 +218,7 @@ def search_many(
     """
     if data.problem.sample is not None:
         return _of_sample(data, begun, alpha, rng, progress)
-    found = Node(begun.explanation, begun.reference)
+    found = FittedSet(begun.explanation, begun.reference)
     data, found = _followed(data, found, Whitener(begun.noise), begun.problem.keep, _SEED)
     known = found.key
     prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
@@ -289,7 +290,7 @@ def _of_sample(
     data = data.following(best.fit, _SEED + (1 + _ROUNDS + _ROUNDS_WITHIN) * _TRACES)
     fit = data.problem.fit(best.explanation, whole, [best.fit.u])
     prepared = prepare_about(data.problem, data.quoted, data.budget, best.explanation, fit)
-    node = Node(best.explanation, fit)
+    node = FittedSet(best.explanation, fit)
     made, ground = ground_about(prepared, found.tolerance, rng, node)
     pool = _pool(ground, node, progress)
     node = pool.nodes[best.key]
@@ -300,20 +301,20 @@ def _of_sample(
     return Many(prepared, made, found.tolerance, pool, node, base, adequacy, adequate, certainty)
 
 
-def _followed(data: Data, found: Node, whiten: Whiten, keep: Array, seed: int) -> tuple[Data, Node]:
+def _followed(data: Data, found: FittedSet, whiten: Whiten, keep: Array, seed: int) -> tuple[Data, FittedSet]:
     """Readings with scattered light traced where a set lies, and the set where it lies in it."""
     for k in range(_TRACES):
         if not data.can_follow(found.fit):
             break
         before, data = found, data.following(found.fit, seed + k)
         fit = replace(data.problem, keep=keep).fit(found.explanation, whiten, [found.fit.u])
-        found = Node(found.explanation, fit)
+        found = FittedSet(found.explanation, fit)
         if fit.away_from(before.fit.u) < _NEAR:
             break
     return data, found
 
 
-def _is_elsewhere(data: Data, found: Node, before: Node) -> bool:
+def _is_elsewhere(data: Data, found: FittedSet, before: FittedSet) -> bool:
     """Does a set scatter light that was traced for another, or far from where it lies?"""
     if not data.can_follow(found.fit):
         return False
@@ -323,7 +324,7 @@ def _is_elsewhere(data: Data, found: Node, before: Node) -> bool:
     return found.fit.away_from(np.array([known[path] for path in found.fit.paths])) > _NEAR
 
 
-def _beside_rivals(pool: Pool, found: Node) -> Node:
+def _beside_rivals(pool: Pool, found: FittedSet) -> FittedSet:
     """The best set beside the best ones without each of its effects, or the first of those that is better."""
     for candidate in found.explanation:
         seek_rivals(pool, found, candidate)
@@ -333,7 +334,7 @@ def _beside_rivals(pool: Pool, found: Node) -> Node:
     return pool.best()
 
 
-def _again(pool: Pool) -> Node:
+def _again(pool: Pool) -> FittedSet:
     """The best set, from what was the best under other errors."""
     polish(pool, everything)
     forward(pool, pool.best(), _BEAM_AGAIN, _FITS_AGAIN, everything)
@@ -341,7 +342,7 @@ def _again(pool: Pool) -> Node:
     return polish(pool, everything)
 
 
-def _tested(pool: Pool, made: Bench, found: Node, alpha: float) -> tuple[Node, Adequacy]:
+def _tested(pool: Pool, made: Bench, found: FittedSet, alpha: float) -> tuple[FittedSet, Adequacy]:
     """The best set and its test, after another look where it fails."""
     adequacy = made.test(found.fit)
     if not adequacy.passes(alpha):

@@ -10,7 +10,8 @@ import numpy as np
 from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 #: Stages that are fitted, of at most so many effects.
 FITS, _MOST = 4, 8
@@ -27,7 +28,7 @@ class _Block:
     shape: tuple[float, ...] | None = None
 
 
-def _removal(pool: Pool, node: Node, candidate: Candidate) -> Array:
+def _removal(pool: Pool, node: FittedSet, candidate: Candidate) -> Array:
     """What the readings lose without one of the effects, all else as fitted, whitened, shape (n,)."""
     problem, fit = pool.problem, node.fit
     values = fit.values | {p.path: p.value(p.start) for p in candidate.amplitudes}
@@ -35,7 +36,7 @@ def _removal(pool: Pool, node: Node, candidate: Candidate) -> Array:
     return np.asarray(pool.ground.test.whiten(problem.keep * (fit.prediction - without)))
 
 
-def _blocks(pool: Pool, node: Node, allowed: Allowed) -> tuple[list[_Block], Array]:
+def _blocks(pool: Pool, node: FittedSet, allowed: Allowed) -> tuple[list[_Block], Array]:
     """Blocks of all effects, and what they are to meet: the residual and all that is removed."""
     place = {path: i for i, path in enumerate(node.fit.paths)}
     target, out = node.fit.residual.copy(), []
@@ -62,7 +63,7 @@ def _blocks(pool: Pool, node: Node, allowed: Allowed) -> tuple[list[_Block], Arr
     return [*out, *new], target
 
 
-def linear_backward(pool: Pool, node: Node, allowed: Allowed, fits: int = FITS) -> None:
+def linear_backward(pool: Pool, node: FittedSet, allowed: Allowed, fits: int = FITS) -> None:
     """Fit the best stages of an elimination that begins with everything."""
     blocks, target = _blocks(pool, node, allowed)
     if not blocks:
@@ -98,7 +99,7 @@ def linear_backward(pool: Pool, node: Node, allowed: Allowed, fits: int = FITS) 
         _fit(pool, node, sizes, cost)
 
 
-def _fit(pool: Pool, node: Node, sizes: list[tuple[_Block, Array]], promised: float) -> None:
+def _fit(pool: Pool, node: FittedSet, sizes: list[tuple[_Block, Array]], promised: float) -> None:
     candidates = [block.candidate for block, _ in sizes]
     if not go_together(candidates) or not pool.affordable(candidates):
         return

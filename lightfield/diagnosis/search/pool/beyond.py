@@ -13,7 +13,8 @@ import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.parameter import FitParameter
 
@@ -43,12 +44,12 @@ def without_ends(
     return wide, problem.fit(wide, whiten, [fit.u])
 
 
-def needless_beyond(pool: Pool, best: Node, gap: float) -> dict[str, tuple[str, ...]]:
+def needless_beyond(pool: Pool, best: FittedSet, gap: float) -> dict[str, tuple[str, ...]]:
     """Effects of the best set that it would do without, were others not held by their ranges.
 
     Parameters
     ----------
-    best : Node
+    best : FittedSet
         As fitted to the end.
     gap : float
         Cost above which a set without an effect is out of the question.

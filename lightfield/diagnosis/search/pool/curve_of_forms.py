@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, begin_at, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Pool, begin_at, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.curves import PROFILE, field_of
 from lightfield.fitting.parameter import is_gain
@@ -21,7 +22,7 @@ from lightfield.scene.lamp.profile import radial_intensity
 _DIM = 1e-3
 
 
-def try_curves(pool: Pool, best: Node, candidate: Candidate) -> None:
+def try_curves(pool: Pool, best: FittedSet, candidate: Candidate) -> None:
     """Fit the lamp's curve in place of a form of its beam, and of the others that are special cases of it."""
     for curve in pool.problem.candidates:
         contains = curve.effect.contains
@@ -33,7 +34,7 @@ def try_curves(pool: Pool, best: Node, candidate: Candidate) -> None:
             pool.fit(whole, [_laid_over(pool, best, curve)])
 
 
-def _laid_over(pool: Pool, best: Node, curve: Candidate) -> Begin:
+def _laid_over(pool: Pool, best: FittedSet, curve: Candidate) -> Begin:
     """Where the curve makes the beam that the forms of a set make."""
     problem, known = pool.problem, fitted_at(best)
     basis: Basis = problem.forward.scenes.curves.bases[PROFILE]
@@ -57,7 +58,7 @@ def _laid_over(pool: Pool, best: Node, curve: Candidate) -> Begin:
     return Begin(_as_bright(pool, best, curve, u), slopes)
 
 
-def _as_bright(pool: Pool, best: Node, curve: Candidate, u: dict[str, float]) -> dict[str, float]:
+def _as_bright(pool: Pool, best: FittedSet, curve: Candidate, u: dict[str, float]) -> dict[str, float]:
     """The same with gains that make the readings as bright as the set does."""
     problem = pool.problem
     whole = tuple(c for c in best.explanation if c.name not in curve.effect.contains)

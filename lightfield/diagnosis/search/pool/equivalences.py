@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Pool, fitted_at
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
 
 #: Turns of the receiver, in degrees, from which a fit begins. Chosen: a start alone.
@@ -77,7 +78,7 @@ BESIDE = {"waves": "surface_reflection"}
 _SIZES = (1.0, 3.0)
 
 
-def try_beside(pool: Pool, node: Node, candidate: Candidate) -> None:
+def try_beside(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
     """Fit a set without one of its effects, with what shows only beside another one that it holds."""
     rest = tuple(c for c in node.explanation if c is not candidate)
     have = {c.name for c in node.explanation}
@@ -97,7 +98,7 @@ def try_beside(pool: Pool, node: Node, candidate: Candidate) -> None:
         pool.fit(whole, [Begin(known | start) for start in sizes])
 
 
-def try_declared(pool: Pool, node: Node, candidate: Candidate) -> None:
+def try_declared(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
     """Fit what is known to do the same as one of the effects of a set, in its place."""
     rest = tuple(c for c in node.explanation if c is not candidate)
     for line in TABLE:

@@ -14,9 +14,10 @@ import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.gains_or_water import water_may_do_it
 from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
@@ -49,11 +50,11 @@ class Evidence:
     gap, gap_named, gap_plus : float
         Cost of the best set without it above that of the best: of any, of those without a curve that
         contains it, of these with at most one effect more and parameters counted alike.
-    rival : Node
+    rival : FittedSet
         The best set without it.
     alternatives : tuple of tuple of str
         What replaces it in accepted sets.
-    without : Node
+    without : FittedSet
         The best set less this effect.
     weight : float
         Share of exp(-cost/2) of all sets that holds it; counts parsimony as evidence, and decides nothing.
@@ -69,9 +70,9 @@ class Evidence:
     gap: float
     gap_named: float
     gap_plus: float
-    rival: Node | None
+    rival: FittedSet | None
     alternatives: tuple[tuple[str, ...], ...]
-    without: Node | None
+    without: FittedSet | None
     weight: float
     beyond: tuple[str, ...] = ()
     other_lamp: bool = False
@@ -85,7 +86,7 @@ class Evidence:
         """The same where the set holds something of which only the place is known."""
         return replace(self, level="partial" if self.level == "certain" else "one of")
 
-    def against(self, weighing: Weighing, rival: Node) -> Evidence:
+    def against(self, weighing: Weighing, rival: FittedSet) -> Evidence:
         """The same of a claimed effect where one more set does without it."""
         above, unpriced = weighing.above(rival), weighing.above_unpriced(rival)
         gap, named, plus = min(self.gap, above), min(self.gap_named, above), min(self.gap_plus, unpriced)
@@ -105,7 +106,7 @@ class Weighing:
 
     Parameters
     ----------
-    best : Node
+    best : FittedSet
         The answer: the set of least cost, or one of named effects that costs little more.
     phi : float
         Pure-error variance in units of the whitening, or what the answer or the set of least cost leaves,
@@ -113,31 +114,31 @@ class Weighing:
     """
 
     pool: Pool
-    best: Node
+    best: FittedSet
     phi: float
 
     @classmethod
-    def of(cls, pool: Pool, best: Node) -> Weighing:
+    def of(cls, pool: Pool, best: FittedSet) -> Weighing:
         kept = int(pool.problem.keep.sum())
         left = (n.fit.chi2 / max(kept - len(n.fit.u), 1) for n in (best, pool.best()))
         return cls(pool, best, max(pool.ground.phi, min(left)))
 
-    def above(self, node: Node) -> float:
+    def above(self, node: FittedSet) -> float:
         """Cost above that of the best."""
         return self._cost(node) - self._cost(self.best)
 
-    def _cost(self, node: Node) -> float:
+    def _cost(self, node: FittedSet) -> float:
         return node.chi2 / self.phi + sum(self.pool.ground.price(c) for c in node.explanation)
 
-    def above_unpriced(self, node: Node) -> float:
+    def above_unpriced(self, node: FittedSet) -> float:
         """The same with every parameter at one: parsimony does not count."""
         return (node.chi2 - self.best.chi2) / self.phi + node.parameters - self.best.parameters
 
-    def with_one_more(self, nodes: Iterable[Node]) -> list[Node]:
+    def with_one_more(self, nodes: Iterable[FittedSet]) -> list[FittedSet]:
         """Those of some sets that have at most one effect more than the best."""
         return [n for n in nodes if len(n.explanation) <= len(self.best.explanation) + 1]
 
-    def family(self, is_one: Callable[[Node], bool] = lambda node: True) -> list[Node]:
+    def family(self, is_one: Callable[[FittedSet], bool] = lambda node: True) -> list[FittedSet]:
         """Accepted sets, best first: near the best, and none with an effect more than another.
 
         Parameters
@@ -160,7 +161,7 @@ class Weighing:
         return float(share @ np.array([name in n.names for n in nodes]) / share.sum())
 
 
-def evidence(pool: Pool, best: Node, adequate: bool) -> list[Evidence]:
+def evidence(pool: Pool, best: FittedSet, adequate: bool) -> list[Evidence]:
     """What is known of every effect of the best set.
 
     Parameters
@@ -202,7 +203,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     )  # fmt: skip
 
 
-def may_be_another_lamp(pool: Pool, node: Node, candidate: Candidate) -> bool:
+def may_be_another_lamp(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     """Would a lamp of another shape do what an effect and others of its set do together?
 
     Two forms of a beam are terms of any shape: its curve, with more functions, does as well.
@@ -226,17 +227,17 @@ def _weaker(one: Level, other: Level) -> Level:
     return max(one, other, key=("certain", "simplest", "one of", "partial").index)
 
 
-def contained(name: str, node: Node) -> bool:
+def contained(name: str, node: FittedSet) -> bool:
     """Does a set hold a curve of which an effect is a special case?"""
     return any(name in c.effect.contains for c in node.explanation)
 
 
-def has(name: str, node: Node) -> bool:
+def has(name: str, node: FittedSet) -> bool:
     """Does a set hold an effect, or a curve that is a kind of it?"""
     return any(name == c.name or name in c.effect.kind_of for c in node.explanation)
 
 
-def _only_contained(name: str, node: Node) -> bool:
+def _only_contained(name: str, node: FittedSet) -> bool:
     """Does a set hold a curve that may be something else than the effect that is a special case of it?"""
     return contained(name, node) and not has(name, node)
 
@@ -252,7 +253,7 @@ def _left(weighing: Weighing) -> float:
     return (fit.chi2 / pool.ground.phi - spare) * pool.ground.phi / weighing.phi
 
 
-def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
+def _at_edge(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     """Does an amplitude lie at a bound of what is plausible, or the beam that all effects act on?
 
     Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
@@ -265,7 +266,7 @@ def _at_edge(pool: Pool, node: Node, candidate: Candidate) -> bool:
     return at_end or open_ or WIDTH in node.bounded
 
 
-def width_reaches_its_end(pool: Pool, node: Node) -> bool:
+def width_reaches_its_end(pool: Pool, node: FittedSet) -> bool:
     """Does the beam's width lie within one of its errors of an end of its range?"""
     fit = node.fit
     if WIDTH not in fit.paths:
@@ -277,7 +278,7 @@ def width_reaches_its_end(pool: Pool, node: Node) -> bool:
 
 
 def _forms(
-    pool: Pool, node: Node, candidate: Candidate, curves: tuple[str, ...] | None = None
+    pool: Pool, node: FittedSet, candidate: Candidate, curves: tuple[str, ...] | None = None
 ) -> list[Candidate]:
     """An effect, and others of its set that are special cases of the same curve, of some curves or any."""
     alike = {
@@ -289,7 +290,7 @@ def _forms(
     return [c for c in node.explanation if c is candidate or c.name in alike]
 
 
-def _strained(node: Node) -> bool:
+def _strained(node: FittedSet) -> bool:
     """Does an amplitude of any effect lie at a bound? Then a set that misses something bends to follow it."""
     return any(p.path in node.bounded for c in node.explanation for p in c.amplitudes)
 

@@ -15,16 +15,15 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.adequacy.score_tests import ALPHA, AdequacyTest, Score
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
+from lightfield.diagnosis.search.set_of_effects import FittedSet, Key
 from lightfield.diagnosis.search.small_sets import clipped
 from lightfield.fitting.least_squares import Fit
 
-Key = frozenset[tuple[str, str]]
 Allowed = Callable[[Candidate], bool]
 
 #: Steps of a fit at most, and what it may leave of chi-square. Chosen: far less than a price.
@@ -81,41 +80,6 @@ class Ground:
         return self._prices[d]
 
 
-@dataclass(frozen=True, eq=False)
-class Node:
-    """A fitted set of effects."""
-
-    explanation: Explanation
-    fit: Fit
-
-    @cached_property
-    def key(self) -> Key:
-        return frozenset(c.key for c in self.explanation)
-
-    @cached_property
-    def names(self) -> frozenset[str]:
-        return frozenset(c.name for c in self.explanation)
-
-    @cached_property
-    def bounded(self) -> set[str]:
-        """Paths of what lies at an end of its range."""
-        return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
-
-    @cached_property
-    def chi2(self) -> float:
-        """Of the fit, and what it would cost that its water must not amplify."""
-        return self.fit.chi2 + cost_of_amplifying(self.fit)
-
-    @property
-    def parameters(self) -> int:
-        """Number of parameters of the effects."""
-        return sum(len(c.parameters) for c in self.explanation)
-
-    @property
-    def is_diffuse(self) -> bool:
-        return any(c.effect.diffuse for c in self.explanation)
-
-
 @dataclass(frozen=True)
 class Start:
     """Where a fit with one effect more begins."""
@@ -137,7 +101,7 @@ class Promise:
     """
 
     cost: float
-    node: Node
+    node: FittedSet
     candidate: Candidate
     starts: tuple[Start, ...]
 
@@ -161,7 +125,7 @@ class Pool:
     """
 
     ground: Ground
-    nodes: dict[Key, Node] = field(default_factory=dict)
+    nodes: dict[Key, FittedSet] = field(default_factory=dict)
     fits: int = 0
     diffuse: int = 0
     most_diffuse: int = MOST_DIFFUSE
@@ -169,24 +133,24 @@ class Pool:
     _promises: dict[Key, list[Promise]] = field(default_factory=dict)
     _finished: set[Key] = field(default_factory=set)
     _lowest: float = float("inf")
-    progress: Callable[[Node], None] = lambda best: None
+    progress: Callable[[FittedSet], None] = lambda best: None
 
     @property
     def problem(self) -> Problem:
         return self.ground.problem
 
-    def cost(self, node: Node) -> float:
+    def cost(self, node: FittedSet) -> float:
         """Chi-square in units of the noise, plus the price of every effect."""
         return node.chi2 / self.ground.phi + sum(self.ground.price(c) for c in node.explanation)
 
-    def best(self, allowed: Allowed | None = None) -> Node:
+    def best(self, allowed: Allowed | None = None) -> FittedSet:
         """The set of least cost, of allowed effects."""
         nodes = self.nodes.values()
         return min((n for n in nodes if allowed is None or all(map(allowed, n.explanation))), key=self.cost)
 
     def fit(
         self, explanation: Iterable[Candidate], begins: Sequence[Begin], promised: float = np.inf
-    ) -> Node:
+    ) -> FittedSet:
         """The set as fitted from the best of several places, or as it is remembered.
 
         Parameters
@@ -206,7 +170,7 @@ class Pool:
         if len(begins) > 1:
             fit = self._quick(whole, Begin(dict(zip(fit.paths, fit.u, strict=True))), _STEPS)
         self.fits += 1
-        node = self._remember(Node(whole, fit))
+        node = self._remember(FittedSet(whole, fit))
         near = self._is_near(min(self.cost(node), promised))
         done = self.finished(node) if near or not node.is_diffuse else node
         self.progress(self.best())
@@ -226,13 +190,13 @@ class Pool:
         if any(c.effect.diffuse for c in explanation):
             self.diffuse += fit.evaluations
 
-    def _remember(self, node: Node) -> Node:
+    def _remember(self, node: FittedSet) -> FittedSet:
         self.nodes[node.key] = node
         if (cost := self.cost(node)) < self._lowest:
             self._lowest = cost
         return node
 
-    def finished(self, node: Node) -> Node:
+    def finished(self, node: FittedSet) -> FittedSet:
         """The set as fitted to the end, with slopes of its own."""
         if node.key not in self._finished:
             whiten = self.ground.test.whiten
@@ -242,7 +206,7 @@ class Pool:
             self._finished.add(node.key)
             self._scores.pop(node.key, None)
             self._promises.pop(node.key, None)
-            return self._remember(Node(node.explanation, fit))
+            return self._remember(FittedSet(node.explanation, fit))
         return self.nodes[node.key]
 
     def anew(self, explanation: Iterable[Candidate]) -> None:
@@ -255,17 +219,17 @@ class Pool:
         starts = [problem.default_start(u, whole) for u in (stated, base)]
         begins = [Begin(dict(zip(paths, start, strict=True))) for start in starts]
         fit = min((self._quick(whole, begin, _STEPS) for begin in begins), key=lambda f: f.chi2)
-        made = Node(whole, fit)
+        made = FittedSet(whole, fit)
         known = self.nodes.get(made.key)
         if known is None or fit.chi2 < known.fit.chi2 - _ELSEWHERE * self.ground.phi:
             self._finished.discard(made.key)
             self._remember(made)
 
-    def exact(self, node: Node) -> Node:
+    def exact(self, node: FittedSet) -> FittedSet:
         """The set with all derivatives its own, also by scattered and reflected light."""
         whiten = self.ground.test.whiten
         return self._remember(
-            Node(node.explanation, self.problem.fit(node.explanation, whiten, [node.fit.u]))
+            FittedSet(node.explanation, self.problem.fit(node.explanation, whiten, [node.fit.u]))
         )
 
     def affordable(self, candidates: Iterable[Candidate]) -> bool:
@@ -276,7 +240,7 @@ class Pool:
             return False
         return self.diffuse < self.most_diffuse or not any(c.effect.diffuse for c in whole)
 
-    def scores(self, node: Node) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
+    def scores(self, node: FittedSet) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
         """Score tests of every effect that the set lacks."""
         if node.key not in self._scores:
             test = self.ground.test
@@ -286,7 +250,7 @@ class Pool:
             self._scores[node.key] = test.score(node.fit)
         return self._scores[node.key]
 
-    def promises(self, node: Node) -> list[Promise]:
+    def promises(self, node: FittedSet) -> list[Promise]:
         """What every effect that the set lacks would save, were the model linear."""
         if node.key in self._promises:
             return self._promises[node.key]
@@ -309,18 +273,18 @@ class Pool:
         self._promises[node.key] = out
         return out
 
-    def add(self, promise: Promise) -> Node:
+    def add(self, promise: Promise) -> FittedSet:
         """The set with one effect more."""
         known, candidate = begin_at(promise.node), promise.candidate
         begins = [with_effect(known, candidate, s.amplitudes, s.shape, s.columns) for s in promise.starts]
         return self.fit((*promise.node.explanation, candidate), begins)
 
-    def drop(self, node: Node, candidate: Candidate) -> Node:
+    def drop(self, node: FittedSet, candidate: Candidate) -> FittedSet:
         """The set without one of its effects."""
         rest = tuple(c for c in node.explanation if c is not candidate)
         return self.fit(rest, [begin_at(node)], self.promised_without(node, candidate))
 
-    def promised_without(self, node: Node, candidate: Candidate) -> float:
+    def promised_without(self, node: FittedSet, candidate: Candidate) -> float:
         """What a set would cost without one of its effects, were the model linear."""
         fit, own = node.fit, {p.path for p in candidate.parameters}
         free = ~fit.at_bound() & [path not in own for path in fit.paths]
@@ -331,17 +295,17 @@ class Pool:
         return self.cost(node) + more / self.ground.phi - self.ground.price(candidate)
 
 
-def joins(candidate: Candidate, node: Node) -> bool:
+def joins(candidate: Candidate, node: FittedSet) -> bool:
     """Can an effect be added to a set?"""
     return all(candidate.effect.combines_with(c.effect) for c in node.explanation)
 
 
-def fitted_at(node: Node) -> dict[str, float]:
+def fitted_at(node: FittedSet) -> dict[str, float]:
     """Coordinates of a fit by path."""
     return dict(zip(node.fit.paths, map(float, node.fit.u), strict=True))
 
 
-def begin_at(node: Node) -> Begin:
+def begin_at(node: FittedSet) -> Begin:
     """Where a set lies, with its slopes."""
     return Begin(fitted_at(node), dict(zip(node.fit.paths, node.fit.jacobian.T, strict=True)))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.formula.path import attenuation_per_m
 
@@ -15,7 +16,7 @@ _AMPLIFIES = 4.0
 _ABSORPTION = "water.absorption_per_m"
 
 
-def water_may_do_it(pool: Pool, node: Node, candidate: Candidate) -> bool:
+def water_may_do_it(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     """Could water make a function of distance that gains of planes explain?
 
     Between two planes it would have the attenuation K - (g_2 - g_1) / (z_2 - z_1), g the logarithm of the
@@ -24,7 +25,7 @@ def water_may_do_it(pool: Pool, node: Node, candidate: Candidate) -> bool:
 
     Parameters
     ----------
-    node : Node
+    node : FittedSet
         A fitted set that holds the candidate.
     """
     if not any(field_of(p.path) == PLANES for p in candidate.amplitudes):

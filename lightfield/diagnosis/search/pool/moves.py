@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Key, Node, Pool, Promise, begin_at
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool, Promise, begin_at
+from lightfield.diagnosis.search.set_of_effects import FittedSet, Key
 
 #: Levels of additions at most: more effects than any set of readings was seen to hold (six and curves, in
 #: benchmarks/many_effects).
@@ -23,8 +24,8 @@ _MOSTLY = 50.0
 
 
 def forward(
-    pool: Pool, start: Node, beam: int, fits: int, allowed: Allowed, most: int = _MOST, patience: int = 1
-) -> Node:
+    pool: Pool, start: FittedSet, beam: int, fits: int, allowed: Allowed, most: int = _MOST, patience: int = 1
+) -> FittedSet:
     """Levels of additions: of the best sets of a level, the additions that promise most are fitted.
 
     Parameters
@@ -52,13 +53,13 @@ def forward(
     return best_of(pool, allowed)
 
 
-def fit_additions(pool: Pool, level: list[Node], fits: int, allowed: Allowed) -> list[Node]:
+def fit_additions(pool: Pool, level: list[FittedSet], fits: int, allowed: Allowed) -> list[FittedSet]:
     """Fit the additions to some sets that promise most."""
     chosen = sorted(_additions(pool, level, allowed).values(), key=lambda p: p.cost)[:fits]
     return [pool.add(p) for p in chosen if p.key in pool.nodes or _affordable(pool, p)]
 
 
-def best_of(pool: Pool, allowed: Allowed) -> Node:
+def best_of(pool: Pool, allowed: Allowed) -> FittedSet:
     """The set of least cost, of allowed effects, fitted to the end."""
     while (best := pool.finished(now := pool.best(allowed))) is not now or best is not pool.best(allowed):
         pass
@@ -69,7 +70,7 @@ def _affordable(pool: Pool, promise: Promise) -> bool:
     return pool.affordable((*promise.node.explanation, promise.candidate))
 
 
-def _additions(pool: Pool, level: list[Node], allowed: Allowed) -> dict[Key, Promise]:
+def _additions(pool: Pool, level: list[FittedSet], allowed: Allowed) -> dict[Key, Promise]:
     """Sets with one effect more, each from where it promises most."""
     out: dict[Key, Promise] = {}
     for node in level:
@@ -84,7 +85,7 @@ def _additions(pool: Pool, level: list[Node], allowed: Allowed) -> dict[Key, Pro
 
 def polish(
     pool: Pool, allowed: Allowed, rounds: int = ROUNDS, swaps: int = SWAPS, reach: float = REACH
-) -> Node:
+) -> FittedSet:
     """Drops, swaps and additions around the best set until nothing near is better."""
     done: set[Key] = set()
     for _ in range(rounds):
@@ -118,7 +119,7 @@ def thin(pool: Pool) -> None:
                 pool.drop(node, candidate)
 
 
-def _other_forms(pool: Pool, best: Node, allowed: Allowed) -> None:
+def _other_forms(pool: Pool, best: FittedSet, allowed: Allowed) -> None:
     """Fit nested forms of the effects of a set, longer and shorter curves, from where it lies."""
     for candidate in best.explanation:
         paths = {p.path for p in candidate.parameters}
@@ -131,12 +132,12 @@ def _other_forms(pool: Pool, best: Node, allowed: Allowed) -> None:
                 pool.fit(whole, [begin_at(best)])
 
 
-def _is_mostly(pool: Pool, node: Node, curve: Candidate) -> bool:
+def _is_mostly(pool: Pool, node: FittedSet, curve: Candidate) -> bool:
     """Does a curve take nearly all of the misfit, so that a finer one only refines it?"""
     rest = [c for c in node.explanation if c is not curve]
     return pool.affordable(rest) and pool.drop(node, curve).fit.chi2 > _MOSTLY * node.fit.chi2
 
 
-def _without(pool: Pool, node: Node, candidate: object) -> bool:
+def _without(pool: Pool, node: FittedSet, candidate: object) -> bool:
     rest = [c for c in node.explanation if c is not candidate]
     return frozenset(c.key for c in rest) in pool.nodes or pool.affordable(rest)

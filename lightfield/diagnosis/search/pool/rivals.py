@@ -6,8 +6,9 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.linear_pairs import Pair, linear_pairs
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
 from lightfield.diagnosis.search.pool.equivalences import try_beside, try_declared
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Node, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool, begin_at, joins, with_effect
 from lightfield.diagnosis.search.pool.moves import fit_additions, forward, polish
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 #: Sets of a level that are added to and fitted, levels, and levels without a gain. Chosen, as all here: the
 #: smallest that mended what was called certain wrongly.
@@ -21,7 +22,7 @@ _ROUNDS, _SWAPS, _REACH = 2, 5, 6.0
 _FAR, _NEAR = 1000.0, 200.0
 
 
-def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
+def seek_rivals(pool: Pool, best: FittedSet, candidate: Candidate) -> None:
     """Fit sets that may do as well without one of the effects."""
 
     def without(other: Candidate) -> bool:
@@ -49,12 +50,12 @@ def seek_rivals(pool: Pool, best: Node, candidate: Candidate) -> None:
         polish(pool, without, _ROUNDS, _SWAPS, _REACH)
 
 
-def _far(pool: Pool, best: Node, allowed: Allowed) -> float:
+def _far(pool: Pool, best: FittedSet, allowed: Allowed) -> float:
     """Cost of the best set of allowed effects above that of the best."""
     return pool.cost(pool.best(allowed)) - pool.cost(best)
 
 
-def _pairs(pool: Pool, node: Node, allowed: Allowed) -> list[Pair]:
+def _pairs(pool: Pool, node: FittedSet, allowed: Allowed) -> list[Pair]:
     """Pairs of named effects that together lower chi-square most."""
     usable = [
         score

@@ -25,7 +25,7 @@ from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import by_others
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.truncation import slope_errors
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import is_gain
@@ -113,12 +113,12 @@ def _moved(fit: Fit, phi: float, free: NDArray[np.intp], score: Score) -> tuple[
     return weight, -along @ amplitude, np.einsum("ij,jk,ik->i", along, covariance, along)
 
 
-def with_others(accepted: Sequence[Tried]) -> Tried:
+def with_others(accepted: Sequence[ScoredSet]) -> ScoredSet:
     """The best of accepted sets, its errors averaged over all of them.
 
     Parameters
     ----------
-    accepted : sequence of Tried
+    accepted : sequence of ScoredSet
         Best first; each weighs exp(-BIC/2), or of any number of effects by their price.
     """
     best, others = accepted[0], []
@@ -132,7 +132,9 @@ def with_others(accepted: Sequence[Tried]) -> Tried:
     return averaged(best, others)
 
 
-def averaged(best: Tried, others: Sequence[tuple[float, Mapping[str, float], Mapping[str, float]]]) -> Tried:
+def averaged(
+    best: ScoredSet, others: Sequence[tuple[float, Mapping[str, float], Mapping[str, float]]]
+) -> ScoredSet:
     """A set, its errors averaged over it and others: weight over its own, values and errors of each."""
     values, errors = best.fit.values, dict(best.errors)
     squares, total = {path: error**2 for path, error in errors.items()}, dict.fromkeys(errors, 1.0)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from lightfield.arrays import finite
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.pool.evidence import Evidence
 from lightfield.diagnosis.verdict.calibration import EFFECT as POWER
 from lightfield.diagnosis.verdict.ladder import adds
@@ -20,7 +20,7 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 
 
 def found_effects(
-    forward: SceneForward, finding: Finding, values: Mapping[str, Estimate]
+    forward: SceneForward, finding: SearchResult, values: Mapping[str, Estimate]
 ) -> list[FoundEffect]:
     """One record for every effect of the best set, largest first; none where no answer can rest on the
     readings.
@@ -48,7 +48,7 @@ def _record(
     one: Evidence | None,
     fit: Fit,
     values: Mapping[str, Estimate],
-    finding: Finding,
+    finding: SearchResult,
 ) -> FoundEffect:
     known = FoundEffect(
         effect=candidate.name,

@@ -5,17 +5,17 @@ A range is chosen, and what it forbids one effect the sizes of the others take u
 
 from __future__ import annotations
 
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.pool.beyond import at_ends, without_ends
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 
 
-def without_held_ranges(finding: Finding) -> Finding:
+def without_held_ranges(finding: SearchResult) -> SearchResult:
     """The finding whose best set has errors that know of it."""
     return finding.with_closest(reaching)
 
 
-def reaching(tried: Tried) -> Tried:
+def reaching(tried: ScoredSet) -> ScoredSet:
     """A set with errors that reach the values that it has without the ends of ranges it lies at."""
     ends = at_ends(tried.explanation, tried.fit)
     if tried.test is None or not ends:

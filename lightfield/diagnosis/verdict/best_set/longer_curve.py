@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.many import in_pool
 from lightfield.diagnosis.search.pool.evidence import Weighing
-from lightfield.diagnosis.search.pool.fitted_sets import Node
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.diagnosis.verdict.best_set.averaged import averaged
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.curves import PROFILE, field_of
@@ -24,7 +23,7 @@ from lightfield.fitting.least_squares import Fit
 _WIDER = 1.3
 
 
-def with_longer_curve(finding: Finding, best: Tried) -> Tried:
+def with_longer_curve(finding: SearchResult, best: ScoredSet) -> ScoredSet:
     """The best set, its errors averaged over it and the same with the next longer curve of the lamp."""
     many, node = finding.many, in_pool(finding)
     longer = None if many is None or node is None else _longer(many.pool.problem, node.explanation)
@@ -41,7 +40,7 @@ def with_longer_curve(finding: Finding, best: Tried) -> Tried:
             wide[k] = min(p.coordinate_of(_WIDER * node.fit.values[WIDTH]), p.high)
             fits.append(problem.fit(longer, whiten, [wide]))
     fit = min(fits, key=lambda one: one.chi2)
-    cost = weighing.above(Node(longer, fit))
+    cost = weighing.above(FittedSet(longer, fit))
     return averaged(best, [(float(np.exp(-0.5 * max(cost, 0.0))), fit.values, fit.stderr(weighing.phi))])
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.own_errors import objective, under_own_errors
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA, Limit
 from lightfield.diagnosis.verdict.best_set.averaged import largest
 from lightfield.diagnosis.verdict.best_set.uncertain_light import in_uncertain_light
@@ -62,12 +62,12 @@ class WithScattering:
         size, room = DETECTABLE_SIGMA * self.errors[_PATH], parameter.high - parameter.low
         return Limit(self.candidate.name, _PATH, min(size, room), bool(size <= room))
 
-    def widened(self, best: Tried) -> Tried:
+    def widened(self, best: ScoredSet) -> ScoredSet:
         """The set as it stands, with errors that reach what its values would be with scattering."""
         return best.reaching(self.fit.values, self.errors)
 
 
-def in_light_of_photons(problem: Problem, finding: Finding) -> Finding:
+def in_light_of_photons(problem: Problem, finding: SearchResult) -> SearchResult:
     """The finding; where its best set reflects and scatters, with errors that reach its values in that light.
 
     In open water they change nothing: there scattered light is a bright and smooth part of the readings.
@@ -83,7 +83,7 @@ def in_light_of_photons(problem: Problem, finding: Finding) -> Finding:
     return replace(finding, accepted=[wider, *finding.accepted[1:]])
 
 
-def with_scattering(problem: Problem, finding: Finding, seed: int) -> WithScattering | None:
+def with_scattering(problem: Problem, finding: SearchResult, seed: int) -> WithScattering | None:
     """The best set with scattering too, where it reflects and does not scatter; else None.
 
     None of so many readings that a sample leads: fits take their time there.
@@ -123,7 +123,7 @@ def _scatters(candidate: Candidate) -> bool:
     return any(p.path == _PATH for p in candidate.amplitudes) and not candidate.is_stated
 
 
-def _joins(candidate: Candidate, best: Tried) -> bool:
+def _joins(candidate: Candidate, best: ScoredSet) -> bool:
     moved = {p.path for c in best.explanation for p in c.parameters}
     new = moved.isdisjoint(p.path for p in candidate.parameters)
     return new and all(candidate.effect.combines_with(c.effect) for c in best.explanation)

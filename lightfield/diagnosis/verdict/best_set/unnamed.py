@@ -14,10 +14,11 @@ import numpy as np
 from scipy import special
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.many import in_pool
 from lightfield.diagnosis.search.pool.evidence import Weighing
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.diagnosis.verdict.best_set.averaged import largest, with_an_effect_more, with_others
 from lightfield.diagnosis.verdict.best_set.longer_curve import with_longer_curve
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
@@ -34,7 +35,9 @@ CHANGED = 2.0
 _EFFECTS_FITTED, _EFFECTS_TOLD = 4, 2
 
 
-def unnamed(finding: Finding, units: dict[str, str], also: WithScattering | None = None) -> list[Unnamed]:
+def unnamed(
+    finding: SearchResult, units: dict[str, str], also: WithScattering | None = None
+) -> list[Unnamed]:
     """Named effects that are absent from the best set for their price alone, those first that save most.
 
     None of many readings, where fits take their time, and none beside an unexplained rest, whose own size is
@@ -53,7 +56,7 @@ def unnamed(finding: Finding, units: dict[str, str], also: WithScattering | None
     return [*first, *others][:_EFFECTS_TOLD]
 
 
-def in_errors(finding: Finding) -> Finding:
+def in_errors(finding: SearchResult) -> SearchResult:
     """The finding; errors of its best set reach what the values would be with each effect that is too small
     to be named, and are averaged over effects that are smaller still, and over other accepted sets."""
     best, level = finding.best, finding.level
@@ -67,7 +70,7 @@ def in_errors(finding: Finding) -> Finding:
     return replace(finding, accepted=[best, *finding.accepted[1:]])
 
 
-def _hardly_told(also: WithScattering, finding: Finding, units: dict[str, str]) -> list[Unnamed]:
+def _hardly_told(also: WithScattering, finding: SearchResult, units: dict[str, str]) -> list[Unnamed]:
     """Scattering where it widens an error so many times that a change would be spoken of."""
     best = finding.best
     assert best is not None and best.adequacy is not None
@@ -115,7 +118,7 @@ def _told(one: _Absent, units: dict[str, str]) -> Unnamed:
     return Unnamed(effect=one.candidate.name, sigma=one.sigma, with_it=with_it, in_errors=True)
 
 
-def _absent(finding: Finding) -> list[_Absent]:
+def _absent(finding: SearchResult) -> list[_Absent]:
     """Those that change something, first what the readings ask for most."""
     node = in_pool(finding)
     if finding.many is None or node is None:
@@ -138,14 +141,14 @@ def _asked(pool: Pool, candidate: Candidate) -> float:
     return d * float(special.fdtri(d, ground.nu, 1 - CHANCE_OF_ANY / len(names)))
 
 
-def _with_one_more(pool: Pool, node: Node, phi: float) -> list[tuple[Node, Candidate]]:
+def _with_one_more(pool: Pool, node: FittedSet, phi: float) -> list[tuple[FittedSet, Candidate]]:
     """The best set with a named effect more, of those that promise most one form each."""
     promises = [
         p
         for p in pool.promises(node)
         if not p.candidate.effect.is_free_form and p.starts[0].gain > phi * _asked(pool, p.candidate)
     ]
-    chosen: dict[str, tuple[Node, Candidate]] = {}
+    chosen: dict[str, tuple[FittedSet, Candidate]] = {}
     for promise in sorted(promises, key=lambda p: p.cost):
         wanted = promise.candidate.name not in chosen and len(chosen) < _EFFECTS_FITTED
         if wanted and pool.affordable((*node.explanation, promise.candidate)):

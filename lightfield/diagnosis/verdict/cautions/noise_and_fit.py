@@ -6,7 +6,7 @@ import numpy as np
 from scipy import special
 
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
 from lightfield.diagnosis.search.preparation import Prepared
@@ -20,20 +20,20 @@ from lightfield.readings import Readings
 _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE, _LITTLE_CHANCE = 1.5, 0.4, 1e-3, 1e-2
 
 
-def _about_the_best(finding: Finding) -> Adequacy:
+def _about_the_best(finding: SearchResult) -> Adequacy:
     """Noise as judged about the best explanation: what an effect explains is no scatter."""
     best = finding.explaining
     return finding.level.adequacy if best is None or best.adequacy is None else best.adequacy
 
 
-def variance_scale(prepared: Prepared, finding: Finding, about: Adequacy | None = None) -> float:
+def variance_scale(prepared: Prepared, finding: SearchResult, about: Adequacy | None = None) -> float:
     """Variance of the readings' errors over the quoted one, as judged about the best explanation, or another
     set."""
     return prepared.excess * finding.level.bench.phi * (about or _about_the_best(finding)).phi
 
 
 def cautions(
-    readings: Readings, prepared: Prepared, finding: Finding, explanations: list[AcceptedExplanation]
+    readings: Readings, prepared: Prepared, finding: SearchResult, explanations: list[AcceptedExplanation]
 ) -> list[Caution]:
     """What the table leaves open, what the noise and the fit say of it."""
     out = [Caution.of_table(w) for w in readings.warnings]

@@ -13,7 +13,7 @@ import numpy as np
 
 from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying, lowest_attenuation_per_m
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.ladder import bright
 from lightfield.fitting.diffuse_light import has_diffuse_light
@@ -73,7 +73,7 @@ def hints(
     return [caution for caution in found if caution is not None]
 
 
-def exchanged(forward: SceneForward, problem: Problem, finding: Finding) -> list[Caution]:
+def exchanged(forward: SceneForward, problem: Problem, finding: SearchResult) -> list[Caution]:
     """A caution where the scene, which x and y are not alike for, meets the readings with the two exchanged.
 
     Of direct light only: for scattered and reflected light another trace would be needed.

@@ -17,11 +17,11 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.local_unknowns import with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.cascade import Finding
-from lightfield.diagnosis.search.pool.fitted_sets import Ground, Node, Pool
+from lightfield.diagnosis.search.cascade import SearchResult
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.preparation import Prepared, whitened_test
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
@@ -53,7 +53,7 @@ class Local:
     fit: Fit
 
 
-def left_over(prepared: Prepared, finding: Finding, readings: Readings) -> list[Local]:
+def left_over(prepared: Prepared, finding: SearchResult, readings: Readings) -> list[Local]:
     """Local unknowns beside the best set or what is certain of it, the best first; none of many readings."""
     if prepared.problem.layout.size > MANY:
         return []
@@ -64,7 +64,7 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings) -> list[
     spare = max(int(pool.problem.keep.sum()) - len(node.fit.u), 1)
     rest = max(node.fit.chi2 - noise * spare, 0.0)
     known = [node, *_certain(pool, finding, node)]
-    best: dict[str, Node] = {}
+    best: dict[str, FittedSet] = {}
     for start in known:
         for promise in pool.promises(start):
             if promise.candidate in local and pool.affordable((*start.explanation, promise.candidate)):
@@ -82,7 +82,7 @@ def left_over(prepared: Prepared, finding: Finding, readings: Readings) -> list[
     return out
 
 
-def _in_set(prepared: Prepared, finding: Finding) -> list[Local]:
+def _in_set(prepared: Prepared, finding: SearchResult) -> list[Local]:
     """Local unknowns of the best set, and of others that explain the readings as it does."""
     out: dict[str, Local] = {}
     for one in finding.tried:
@@ -93,7 +93,7 @@ def _in_set(prepared: Prepared, finding: Finding) -> list[Local]:
     return list(out.values())
 
 
-def _of_set(problem: Problem, one: Tried, name: str, whiten: Whiten) -> Local:
+def _of_set(problem: Problem, one: ScoredSet, name: str, whiten: Whiten) -> Local:
     assert one.adequacy is not None
     fit, phi = one.fit, one.adequacy.phi
     rest = tuple(c for c in one.explanation if c.name != name)
@@ -107,7 +107,9 @@ def _of_set(problem: Problem, one: Tried, name: str, whiten: Whiten) -> Local:
     return Local(record, one.explanation, fit)
 
 
-def _pool(prepared: Prepared, finding: Finding, readings: Readings) -> tuple[Pool, Node, Explanation]:
+def _pool(
+    prepared: Prepared, finding: SearchResult, readings: Readings
+) -> tuple[Pool, FittedSet, Explanation]:
     """Sets on the ground on which the finding was judged, the best of them, and the local unknowns."""
     level, (problem, local) = finding.level, with_unknowns(prepared.problem, readings)
     closest = finding.closest
@@ -123,7 +125,7 @@ def _pool(prepared: Prepared, finding: Finding, readings: Readings) -> tuple[Poo
     return pool, pool.finished(pool.fit(explanation, [begin])), local
 
 
-def _certain(pool: Pool, finding: Finding, node: Node) -> list[Node]:
+def _certain(pool: Pool, finding: SearchResult, node: FittedSet) -> list[FittedSet]:
     """The base model, and with what is certain all the same: the rest of the best set may only imitate."""
     begin = Begin(dict(zip(node.fit.paths, node.fit.u.tolist(), strict=True)))
     partial = [e.candidate.key for e in finding.many.evidence if e.level == "partial"] if finding.many else []
@@ -131,7 +133,7 @@ def _certain(pool: Pool, finding: Finding, node: Node) -> list[Node]:
     return [pool.finished(pool.fit(some, [begin])) for some in {(), sure} if some != node.explanation]
 
 
-def _fitting(whole: Pool, node: Node, kept: Candidate, known: Explanation) -> Node:
+def _fitting(whole: Pool, node: FittedSet, kept: Candidate, known: Explanation) -> FittedSet:
     """The set with those effects of the best one that are worth their price beside the unknown."""
     problem = replace(whole.problem, candidates=(*known, kept))
     ground = whole.ground

@@ -17,7 +17,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.families import free_factors
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.next_measurement import REPEATS, NextMeasurement, repeat
 from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, PlaceToRead
@@ -65,7 +65,7 @@ class _Linear:
 
 
 def unexplained(
-    prepared: Prepared, finding: Finding, local: Sequence[Local]
+    prepared: Prepared, finding: SearchResult, local: Sequence[Local]
 ) -> tuple[Misfit | None, NextMeasurement]:
     """On what the rest depends, where it is a function of one coordinate, and where to read again.
 
@@ -104,7 +104,7 @@ def _spot(problem: Problem, at: int) -> PlaceToRead:
     )  # fmt: skip
 
 
-def _refitted(problem: Problem, finding: Finding, plain: Whitener) -> tuple[Explanation, Fit]:
+def _refitted(problem: Problem, finding: SearchResult, plain: Whitener) -> tuple[Explanation, Fit]:
     """The base model, and what is certain all the same."""
     known = tuple(e.candidate for e in finding.many.evidence if e.level == "partial") if finding.many else ()
     like = finding.closest.fit if known and finding.closest else finding.level.base

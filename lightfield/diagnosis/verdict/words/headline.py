@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Final
 
-from lightfield.diagnosis.verdict.findings import Findings
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,
@@ -16,6 +15,7 @@ from lightfield.diagnosis.verdict.parts import (
     Reason,
 )
 from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join
+from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.diagnosis.verdict.words import aside, rest, stated
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
@@ -34,7 +34,7 @@ _NO_SIZE: Final = {Reason.UNDETERMINED, Reason.TOO_WIDE}
 _AS_STATED = 0.8, 1.25
 
 
-def words_of(v: Findings) -> Said:
+def words_of(v: VerdictData) -> Said:
     """Headline and what supports it."""
     why, open_ = v.reason_to_doubt, v.verdict == "unexplained"
     told = _found(v) if why is None else _doubted(v, why)
@@ -45,14 +45,14 @@ def words_of(v: Findings) -> Said:
     return told.then(aside.sentence(v.set_aside, v.readings, v.several_wavelengths))
 
 
-def _doubted(v: Findings, why: Doubt) -> Said:
+def _doubted(v: VerdictData, why: Doubt) -> Said:
     """Why there is no answer; beside readings that are beyond all effects, what is known of the others."""
     partly = why.reason is DoubtReason.SET_ASIDE
     known = so_far(v.found, v.ladder, " of the others") if partly else ()
     return Said.of(f"Unexplained{' in part' if known else ''}: {doubt(why, v.asked)}.", *known)
 
 
-def _found(v: Findings) -> Said:
+def _found(v: VerdictData) -> Said:
     """What was found, where nothing speaks against believing it; first what it says against the scene."""
     against = stated.against(v.stated)
     told, rival = stated.beside_scene(v)
@@ -69,7 +69,7 @@ def _found(v: Findings) -> Said:
     return _of_kind(v, told, rival).after(refuted)
 
 
-def _of_kind(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
+def _of_kind(v: VerdictData, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
     """What was found, in a sentence or two.
 
     Parameters
@@ -88,14 +88,14 @@ def _of_kind(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRiv
     return _one_of(v, told, rival) if len(told) > 1 else _perhaps(v, told[0])
 
 
-def _none(v: Findings) -> Said:
+def _none(v: VerdictData) -> Said:
     among = f" among those asked for{_listed(v.asked)}" if v.asked else ""
     aside = f"; smooth misfits up to {v.tolerance_percent:g} % count as none" if v.within_tolerance else ""
     what = f"No missing effect{among} detectable{_on_trust(v)}{aside}."
     return Said.of(what, f"{capital(_seen(v))}.")
 
 
-def _identified(v: Findings, one: AcceptedExplanation, rival: NearestRival | None) -> Said:
+def _identified(v: VerdictData, one: AcceptedExplanation, rival: NearestRival | None) -> Said:
     families = list(dict.fromkeys(one.families))
     kinds = f"{'family' if len(families) == 1 else 'families'}: {join(families)}"
     near = f"; the next rival, {join(rival.effects)}, is {_away(rival)}" if rival else ""
@@ -103,7 +103,7 @@ def _identified(v: Findings, one: AcceptedExplanation, rival: NearestRival | Non
     return Said(f"{what} ({kinds}){near}.", f"{what}.", (f"{capital(kinds)}{near}.",))
 
 
-def _perhaps(v: Findings, one: AcceptedExplanation) -> Said:
+def _perhaps(v: VerdictData, one: AcceptedExplanation) -> Said:
     """The only explanation, and why it is not sure."""
     certain, others = shared(v.found, v.explanations)
     reasons = {e.reason for e in one.parameters.values()}
@@ -123,7 +123,7 @@ def _perhaps(v: Findings, one: AcceptedExplanation) -> Said:
     return Said.of(what, *([f"Certain: {join(certain)}."] if certain else []), *others)
 
 
-def _one_of(v: Findings, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
+def _one_of(v: VerdictData, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
     """Explanations that cannot be told apart."""
     _, others = shared(v.found, v.explanations)
     told = [one for k, one in enumerate(told) if k < 2 or one.weight >= _SPOKEN_OF]
@@ -156,7 +156,7 @@ def _either(sets: Sequence[Sequence[str]], more: str) -> str:
     return "; ".join([join(sets[0]), *(f"or {join(names)}" for names in sets[1:]), *([more] if more else [])])
 
 
-def _many(v: Findings, found: Sequence[FoundEffect]) -> Said:
+def _many(v: VerdictData, found: Sequence[FoundEffect]) -> Said:
     """The effects of the best set that are missing in the model, each by what is known of it."""
     sure = [one.effect for one in found if one.level in ("certain", "simplest")]
     certain = [one.effect for one in found if one.level == "certain"]
@@ -187,7 +187,7 @@ def _slot(one: FoundEffect) -> str:
     return f"{plain(one.effect)} or {others}" if others else f"perhaps {plain(one.effect)}"
 
 
-def _unexplained(v: Findings) -> Said:
+def _unexplained(v: VerdictData) -> Said:
     about = rest.about(v.misfit)
     if known := so_far(v.found, v.ladder):
         return Said.of(f"Unexplained in part: {about}.", *known)
@@ -203,13 +203,13 @@ def _away(rival: NearestRival) -> str:
     return f"{rival.separation_sigma:.1f} sigma away"
 
 
-def _within(v: Findings) -> str:
+def _within(v: VerdictData) -> str:
     """The tolerance that the statement needs, and the errors that it rests on."""
     within = f" within {v.tolerance_percent:g} %" if v.within_tolerance else ""
     return f"{within}{_on_trust(v)}"
 
 
-def _on_trust(v: Findings) -> str:
+def _on_trust(v: VerdictData) -> str:
     return " with the errors taken on trust" if v.errors_on_trust else ""
 
 
@@ -218,7 +218,7 @@ def _listed(asked: Sequence[str]) -> str:
     return f" ({join(asked)})" if len(asked) <= _NAMED else ""
 
 
-def _seen(v: Findings) -> str:
+def _seen(v: VerdictData) -> str:
     """The smallest effect that would have been seen, of those that the scene has not, and at which noise."""
     own = {entry.effect for entry in v.stated}
     limits = {name: limit for name, limit in v.detection_limits.items() if name not in own}
@@ -232,7 +232,7 @@ def _seen(v: Findings) -> str:
     )
 
 
-def _at_noise(v: Findings) -> str:
+def _at_noise(v: VerdictData) -> str:
     """The noise that detection limits rest on, as the beginning of a sentence.
 
     It has the errors of stays and places in it; what is stated, and scaled, is the readings' own part.

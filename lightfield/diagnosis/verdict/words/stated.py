@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lightfield.diagnosis.verdict.findings import Findings
 from lightfield.diagnosis.verdict.parts import (
     CONTRADICTED_SIGMA,
     AcceptedExplanation,
@@ -13,6 +12,7 @@ from lightfield.diagnosis.verdict.parts import (
     StatedEffect,
 )
 from lightfield.diagnosis.verdict.speech import in_unit
+from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.wording import plain
 
 #: Judgements that contradict the scene.
@@ -50,7 +50,7 @@ def against(entries: Sequence[StatedEffect]) -> dict[str | None, str]:
     return {entry.effect: _clause(entry) for entry in entries if entry.judgement in _REFUTED}
 
 
-def beside_scene(v: Findings) -> tuple[list[AcceptedExplanation], NearestRival | None]:
+def beside_scene(v: VerdictData) -> tuple[list[AcceptedExplanation], NearestRival | None]:
     """Explanations and rival, where an effect of the scene is not "missing" but of another size."""
     has = {entry.effect for entry in v.stated}
 

@@ -13,11 +13,11 @@ from lightfield.diagnosis.adequacy import robust, score_tests, templates
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import cascade, linear_pairs, preparation
 from lightfield.diagnosis.search import small_sets as searching
-from lightfield.diagnosis.search.cascade import CONVINCING, Finding, search
+from lightfield.diagnosis.search.cascade import CONVINCING, SearchResult, search
 from lightfield.diagnosis.search.many import levelled
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import GAP
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 
 
 @pytest.fixture(autouse=True)
@@ -25,7 +25,7 @@ def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(preparation, "REPLICATES", 199)
 
 
-def found(made: Toy, problem, tolerance: float = 0.0, alpha: float = 0.01, seed: int = 0) -> Finding:
+def found(made: Toy, problem, tolerance: float = 0.0, alpha: float = 0.01, seed: int = 0) -> SearchResult:
     prepared = made.prepared(problem, tolerance)
     return search(prepared, tolerance, np.random.default_rng(seed), alpha)
 
@@ -100,7 +100,7 @@ def test_a_set_of_more_effects_that_costs_hardly_more_leaves_the_answer_open() -
     assert answer.weights == pytest.approx(odds_of(first, other), abs=0.01)
 
 
-def odds_of(*sets: Tried) -> list[float]:
+def odds_of(*sets: ScoredSet) -> list[float]:
     """Weights of sets by what they cost."""
     share = np.exp(-0.5 * np.array([one.bic for one in sets]) + 0.5 * sets[0].bic)
     return list(share / share.sum())
@@ -116,7 +116,7 @@ def test_a_curve_that_costs_less_leaves_the_answer_open() -> None:
     many = answer.many
     assert many is not None and answer.identified
 
-    def beside_curve(gap: float) -> Finding:
+    def beside_curve(gap: float) -> SearchResult:
         known = [replace(e, gap=gap) for e in many.evidence]
         return replace(answer, many=replace(many, evidence=known))
 

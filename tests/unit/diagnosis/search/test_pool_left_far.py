@@ -14,8 +14,9 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool.any_number import everything
 from lightfield.diagnosis.search.pool.backward import linear_backward
-from lightfield.diagnosis.search.pool.fitted_sets import Node, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.effects import Effect, Form, Free
 
 
@@ -29,7 +30,7 @@ def with_scattering(**hidden: float) -> tuple[Toy, Problem, dict[str, Candidate]
     return made, replace(drawn, candidates=every), {c.name: c for c in every}
 
 
-def left_far(problem: Problem, pool: Pool, chosen: Explanation) -> Node:
+def left_far(problem: Problem, pool: Pool, chosen: Explanation) -> FittedSet:
     """A set whose fit saw no way on from where it began: by the slopes of elsewhere there is none."""
     flat = {p.path: np.zeros(problem.layout.size) for p in problem.model(chosen).parameters}
     node = pool.fit(chosen, [Begin({}, flat)])

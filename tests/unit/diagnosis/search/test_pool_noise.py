@@ -13,8 +13,8 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
-from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit
 
 
@@ -30,7 +30,7 @@ def test_the_scale_of_the_noise_is_that_of_the_errors_sets_are_judged_under(erro
     problem = made.drawn(np.random.default_rng(1), odd=2.5)
     prepared, one = made.prepared(problem), tuple(c for c in problem.candidates if c.name == "odd")
     before = Whitener(replace(prepared.noise, sigma=errors * prepared.noise.sigma))
-    found = Node(one, problem.fit(one, before, [problem.default_start(problem.model().start, one)]))
+    found = FittedSet(one, problem.fit(one, before, [problem.default_start(problem.model().start, one)]))
     bench, ground = pooled.ground_about(prepared, 0.0, np.random.default_rng(0), found)
     same = problem.fit(one, bench.whiten, [found.fit.u])
     assert ground.phi == pytest.approx(bench.test(same).phi, rel=1e-3)

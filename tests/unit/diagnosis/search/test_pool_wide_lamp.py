@@ -10,7 +10,7 @@ from toy_problem import Linear
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.search.pool.evidence import width_reaches_its_end
-from lightfield.diagnosis.search.pool.fitted_sets import Node
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import least_squares
 from lightfield.fitting.parameter import FitParameter, Model
 from lightfield.readings import Readings
@@ -49,7 +49,7 @@ def test_whether_a_width_may_be_without_end(sigma: float, reaches: bool) -> None
     readings = np.full(4, 75.0)
     fit = least_squares(Model(forward, (width,)), readings, lambda r: r / (2 * sigma), [60.0], np.ones(4))
     pool = SimpleNamespace(ground=SimpleNamespace(phi=1.0))
-    assert width_reaches_its_end(pool, Node((), fit)) == reaches
+    assert width_reaches_its_end(pool, FittedSet((), fit)) == reaches
 
 
 def test_a_tilt_of_nine_degrees_is_found() -> None:

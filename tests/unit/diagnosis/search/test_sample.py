@@ -23,10 +23,11 @@ from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import small_sets as search_module
-from lightfield.diagnosis.search.own_judge import OwnErrors
+from lightfield.diagnosis.search.cascade import OwnErrors
 from lightfield.diagnosis.search.preparation import base_at, bench
 from lightfield.diagnosis.search.profile_likelihood import profiled
-from lightfield.diagnosis.search.small_sets import Tried, at_lowest_minima, bic
+from lightfield.diagnosis.search.set_of_effects import ScoredSet, bic
+from lightfield.diagnosis.search.small_sets import at_lowest_minima
 from lightfield.diagnosis.search.told_apart import nearest_rival
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
@@ -133,7 +134,7 @@ def test_a_sample_leads_scattered_light_to_its_lowest_minimum(
     told = []
     for begun in (stuck, best):
         passed = cast(Any, SimpleNamespace(phi=1.0))
-        tried = Tried((shaped,), begun, begun.chi2, passed, cast(Any, Passing(whiten, passed)))
+        tried = ScoredSet((shaped,), begun, begun.chi2, passed, cast(Any, Passing(whiten, passed)))
         calls.clear()
         (found,) = at_lowest_minima(problem, [tried])
         told.append((found, calls.count(problem.layout.size)))
@@ -146,10 +147,10 @@ def test_a_sample_leads_scattered_light_to_its_lowest_minimum(
     assert none <= 2 < some < 0.5 * calls.count(problem.layout.size)
 
 
-def tried(made: Toy, problem: Problem, *names: str) -> Tried:
+def tried(made: Toy, problem: Problem, *names: str) -> ScoredSet:
     explanation = tuple(c for c in problem.candidates if c.name in names)
     fit = made.fit(problem, *explanation)
-    return Tried(explanation, fit, bic(fit, explanation, 1.0, len(problem.value)))
+    return ScoredSet(explanation, fit, bic(fit, explanation, 1.0, len(problem.value)))
 
 
 def test_the_nearest_rival_of_a_sample_is_the_nearest(many: None) -> None:

@@ -11,8 +11,8 @@ import pytest
 from scipy import stats
 from toy_problem import Toy, candidate, layout, toy, waves
 
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.small_sets import (
-    Tried,
     accepted,
     fit_pairs,
     fit_singles,
@@ -44,11 +44,11 @@ def test_every_single_effect_is_fitted_to_its_minimum() -> None:
     made = toy()
     problem = made.drawn(np.random.default_rng(0), odd=3.0)
     fits = fit_singles(problem, *ready(made, problem))
-    assert [e[0].name for e, _ in fits] == ["odd", "dusk", "rows"]
-    for (effect,), fit in fits:
-        expected, _, chi2 = made.regression(problem, effect.name)
-        assert fit.chi2 == pytest.approx(chi2, abs=2e-3)  # the tolerance of a fit
-        assert fit.u == pytest.approx(expected, rel=1e-3, abs=1e-3)
+    assert [one.explanation[0].name for one in fits] == ["odd", "dusk", "rows"]
+    for one in fits:
+        expected, _, chi2 = made.regression(problem, one.explanation[0].name)
+        assert one.fit.chi2 == pytest.approx(chi2, abs=2e-3)  # the tolerance of a fit
+        assert one.fit.u == pytest.approx(expected, rel=1e-3, abs=1e-3)
 
 
 def gains(sets: int, low: float) -> np.ndarray:
@@ -59,7 +59,7 @@ def gains(sets: int, low: float) -> np.ndarray:
         problem = made.drawn(rng)
         test, base, at_base = ready(made, problem, 1)
         fits = fit_singles(problem, test, base, at_base)
-        out.append(base.chi2 - fits[0][1].chi2)
+        out.append(base.chi2 - fits[0].fit.chi2)
     return np.array(out)
 
 
@@ -83,7 +83,7 @@ def test_two_effects_that_hide_each_other_are_found_as_a_pair() -> None:
     singles = search_singles(problem, test, fit_singles(problem, test, base, at_base), own)
     assert base.chi2 - min(s.fit.chi2 for s in singles) < 0.7 * (base.chi2 - 60)
     at_once = fit_pairs(problem, test, base, at_base, [])
-    assert {c.name for c in at_once[0][0]} == {"odd", "twin"}, "by both templates at the base model"
+    assert {c.name for c in at_once[0].explanation} == {"odd", "twin"}, "by both templates at the base model"
     pairs = search_pairs(problem, test, fit_pairs(problem, test, base, at_base, singles), own)
     assert pairs[0].names == ("odd", "twin")
     found, _, chi2 = made.regression(problem, "odd", "twin")
@@ -132,8 +132,8 @@ def test_explanations_by_diffuse_light_are_ranked_with_the_growth_of_their_error
             asked.append(explanation[0].name)
             return test, fit, 7.0
 
-    plain = {t.names: t.bic for t in search_singles(problem, test, [f for f in fits if f[0][0] is not haze],
-                                                    cast(Any, NoDiffuseLight()))}  # fmt: skip
+    others = [one for one in fits if one.explanation[0] is not haze]
+    plain = {t.names: t.bic for t in search_singles(problem, test, others, cast(Any, NoDiffuseLight()))}
     ranked = search_singles(problem, test, fits, Own())
     assert asked == ["odd"]
     found = {t.names: t for t in ranked}
@@ -142,7 +142,7 @@ def test_explanations_by_diffuse_light_are_ranked_with_the_growth_of_their_error
     assert set(plain) < set(found)
 
 
-def made_up(name: str, bic: float, passes: bool = True, at: float = 0.5) -> Tried:
+def made_up(name: str, bic: float, passes: bool = True, at: float = 0.5) -> ScoredSet:
     """A fitted effect of an amplitude between 0 and 1."""
     effect = candidate(name, 0.0, 1.0)
     fit = SimpleNamespace(
@@ -150,7 +150,7 @@ def made_up(name: str, bic: float, passes: bool = True, at: float = 0.5) -> Trie
         u=np.array([1.0, at]),
         at_bound=lambda: np.array([False, at in (0, 1)]),
     )
-    return Tried((effect,), cast(Any, fit), bic, cast(Any, SimpleNamespace(passes=lambda alpha: passes)))
+    return ScoredSet((effect,), cast(Any, fit), bic, cast(Any, SimpleNamespace(passes=lambda alpha: passes)))
 
 
 def test_what_is_accepted_by_hand() -> None:

@@ -9,14 +9,14 @@ from toy_problem import Toy, candidate, layout, toy, waves
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.search import told_apart
-from lightfield.diagnosis.search.small_sets import Tried, bic, weights
+from lightfield.diagnosis.search.set_of_effects import ScoredSet, bic, weights
 from lightfield.diagnosis.search.told_apart import detection_limits, isolability, nearest_rival, separation
 
 
-def tried(made: Toy, problem, *names: str) -> Tried:
+def tried(made: Toy, problem, *names: str) -> ScoredSet:
     explanation = tuple(c for c in problem.candidates if c.name in names)
     fit = made.fit(problem, *explanation)
-    return Tried(explanation, fit, bic(fit, explanation, 1.0, len(problem.value)))
+    return ScoredSet(explanation, fit, bic(fit, explanation, 1.0, len(problem.value)))
 
 
 def apart(made: Toy, truth: np.ndarray, *rival: str) -> float:
@@ -64,7 +64,7 @@ def test_weights_by_hand() -> None:
     """exp(-BIC / 2) over its sum; only differences count."""
     made = toy()
     one = tried(made, made.problem, "odd")
-    three = [Tried(one.explanation, one.fit, value) for value in (710.0, 712.0, 716.0)]
+    three = [ScoredSet(one.explanation, one.fit, value) for value in (710.0, 712.0, 716.0)]
     expected = np.exp([0.0, -1.0, -3.0])
     assert weights(three) == pytest.approx(expected / expected.sum())
     assert bic(one.fit, one.explanation, 2.0, 60) == pytest.approx(one.fit.chi2 / 2 + np.log(60))

@@ -13,7 +13,7 @@ from beams import flood
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import problem_of
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.truncation import truncation_errors
 from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects
@@ -54,7 +54,7 @@ def errors(lamp: Callable[[np.ndarray], np.ndarray], seed: int) -> dict[str, tup
     base = problem.fit((), whiten, [problem.model().start])
     fit = problem.fit(short, whiten, [problem.default_start(base.u, short, 0.0)])
     test = AdequacyTest(problem, whiten, {}, lambda: np.zeros((0, 0)), True)
-    found = truncation_errors(Tried(short, fit, 0.0, None, test), problem, longer, 1.0)
+    found = truncation_errors(ScoredSet(short, fit, 0.0, None, test), problem, longer, 1.0)
     assert not set(found) & {p.path for c in short if c.effect.is_free_form for p in c.parameters}
     return {
         path: (abs(fit.values[path] - truth), fit.stderr()[path], found[path])

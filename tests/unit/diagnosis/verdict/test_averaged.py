@@ -9,7 +9,7 @@ import pytest
 from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.verdict.best_set import averaged
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -18,7 +18,7 @@ from lightfield.studies.compare.readings import fit_readings
 TYPICAL = 3.0
 
 
-def toy(lean: float, seed: int) -> tuple[Toy, Tried]:
+def toy(lean: float, seed: int) -> tuple[Toy, ScoredSet]:
     """Readings of the base model and some of an effect that is like its slope; a fit without that effect."""
     lay = layout()
     bell = np.exp(-2 * lay.x_m**2)
@@ -31,10 +31,10 @@ def toy(lean: float, seed: int) -> tuple[Toy, Tried]:
     problem = replace(made.with_value(readings), candidates=typical)
     test = made.test(problem, rng.standard_normal((60, 99)))
     fit = problem.fit((), test.whiten, [problem.model(()).start])
-    return made, Tried((), fit, 0.0, replace(test(fit), phi=1.0), test)
+    return made, ScoredSet((), fit, 0.0, replace(test(fit), phi=1.0), test)
 
 
-def on_a_grid(made: Toy, tried: Tried, name: str) -> float:
+def on_a_grid(made: Toy, tried: ScoredSet, name: str) -> float:
     """Root of the mean square of slope - stated slope, by sums over level, slope and size of the effect."""
     problem, fit = tried.test.problem, tried.fit
     columns = {path: column / made.sigma for path, column in problem.forward.columns.items()}

@@ -18,10 +18,10 @@ from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
-from lightfield.diagnosis.search.cascade import CONVINCING, Finding, Level
+from lightfield.diagnosis.search.cascade import CONVINCING, Level, SearchResult
 from lightfield.diagnosis.search.preparation import Prepared, bench
-from lightfield.diagnosis.search.small_sets import Tried
-from lightfield.diagnosis.verdict.compose import Found, kind_of, verdict_of
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
+from lightfield.diagnosis.verdict.compose import VerdictBasis, kind_of, verdict_of
 from lightfield.diagnosis.verdict.estimates import estimates
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, removed, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, LeftOver, Reason
@@ -68,19 +68,23 @@ class Case:
         self.level = Level(0.0, made, base, made.test(base))
         self.tried = {c.name: self._fitted(c) for c in problem.candidates}
 
-    def _fitted(self, candidate: Any) -> Tried:
+    def _fitted(self, candidate: Any) -> ScoredSet:
         made, base = self.level.bench, self.level.base
         starts = [self.problem.default_start(base.u, (candidate,), k) for k in (1.0, -1.0)]
         fit = self.problem.fit((candidate,), made.whiten, starts)
-        return Tried((candidate,), fit, fit.chi2, made.test(fit), made.test)
+        return ScoredSet((candidate,), fit, fit.chi2, made.test(fit), made.test)
 
-    def finding(self, size: int | None, *accepted: Tried, weights: list[float] | None = None) -> Finding:
+    def finding(
+        self, size: int | None, *accepted: ScoredSet, weights: list[float] | None = None
+    ) -> SearchResult:
         """A finding in which nothing else was tried."""
         n = int(self.problem.keep.sum())
         tried = list(self.tried.values())
-        return Finding(size, self.level, [self.level], list(accepted), weights or [], tried, n)
+        return SearchResult(size, self.level, [self.level], list(accepted), weights or [], tried, n)
 
-    def verdict(self, finding: Finding, doubt: Doubt | None = None, aside: tuple[int, ...] = ()) -> Verdict:
+    def verdict(
+        self, finding: SearchResult, doubt: Doubt | None = None, aside: tuple[int, ...] = ()
+    ) -> Verdict:
         """What is said of it."""
         best, n = finding.best, self.problem.layout.size
         starts = [finding.level.base, *([best.fit] if best else [])]
@@ -90,7 +94,7 @@ class Case:
         left_out[list(aside)] = True
         trust = Trust(0.5, np.where(left_out, -9.0, 0.0), left_out, doubt)
         return verdict_of(
-            Found(self.forward, self.table, self.prepared, finding, steps, UNTESTABLE, trust), False
+            VerdictBasis(self.forward, self.table, self.prepared, finding, steps, UNTESTABLE, trust), False
         )
 
 
@@ -208,7 +212,7 @@ def test_without_any_light_in_the_readings_there_is_no_floor(case: Case) -> None
         assert np.isnan(percent(unlit, np.zeros(n), bright(unlit)))
         assert np.isnan(rms_over(np.zeros(0), np.zeros(0)))
         verdict = verdict_of(
-            Found(case.forward, case.table, prepared, case.finding(0), steps, UNTESTABLE, trust), False
+            VerdictBasis(case.forward, case.table, prepared, case.finding(0), steps, UNTESTABLE, trust), False
         )
     assert verdict.noise_floor_percent is None
     nothing_but_numbers(verdict)

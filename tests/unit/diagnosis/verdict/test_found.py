@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from analytic_readings import readings
-from some_findings import effect, explanation, findings, rung
+from verdict_data import effect, explanation, rung, verdict_data
 
 from lightfield.diagnosis import course as stages
 from lightfield.diagnosis import diagnose as diagnosing
@@ -149,7 +149,7 @@ def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
         effect(n, level, *([["d"]] if level == "one of" else []))
         for n, level in zip("abc", levels, strict=True)
     ]
-    assert words_of(findings("identified", explanation("a", "b", "c"), found=found)).headline == headline
+    assert words_of(verdict_data("identified", explanation("a", "b", "c"), found=found)).headline == headline
 
 
 def test_what_the_readings_refute_is_not_missing() -> None:
@@ -159,7 +159,7 @@ def test_what_the_readings_refute_is_not_missing() -> None:
         neutral={"lamp.c": 0.0}, limit=0.001, sigma_from_stated=20.0, sigma_to_remove=0.1,
     )  # fmt: skip
     found = [effect(name, "certain") for name in "abc"]
-    said = words_of(findings("identified", explanation("a", "b", "c"), found=found, stated=[refuted]))
+    said = words_of(verdict_data("identified", explanation("a", "b", "c"), found=found, stated=[refuted]))
     assert said.sentence.startswith("Your scene's c is not in the readings (lamp.c < 0.001, not 0.02).")
     assert "A and b are missing in the model" in said.sentence and "Certain: a and b." in said.sentence
 
@@ -169,7 +169,7 @@ def test_three_whose_sizes_are_not_known_are_not_said_to_be_missing() -> None:
         update={"parameters": {"lamp.b": Estimate(value=9.0, reason=Reason.UNDETERMINED)}}
     )
     found = [effect("a", "certain"), vague, effect("c", "simplest")]
-    said = words_of(findings("ambiguous", explanation("a", "b", "c"), found=found))
+    said = words_of(verdict_data("ambiguous", explanation("a", "b", "c"), found=found))
     assert said.headline == (
         "Perhaps a, b and c: they would explain the misfit, "
         "but these readings do not determine the size of b."
@@ -186,7 +186,7 @@ def test_rivals_are_told_of_effects_that_all_explanations_have() -> None:
 
 def test_two_effects_are_told_by_their_explanation() -> None:
     found = [effect("a", "certain"), effect("b", "one of")]
-    said = words_of(findings("ambiguous", explanation("a", "b"), found=found))
+    said = words_of(verdict_data("ambiguous", explanation("a", "b"), found=found))
     assert said.headline.startswith("Perhaps a and b: it would explain the misfit")
 
 
@@ -197,7 +197,7 @@ def test_what_is_said_of_the_unexplained() -> None:
     def said(misfit: Misfit, *removed: float, found: list[FoundEffect] = found) -> Said:
         names = "a", "b", "dip_in_x"
         ladder = [rung(None), *(rung(part, *names[: k + 1]) for k, part in enumerate(removed))]
-        return words_of(findings("unexplained", found=found, ladder=ladder, misfit=misfit))
+        return words_of(verdict_data("unexplained", found=found, ladder=ladder, misfit=misfit))
 
     misfit = Misfit(coordinate="x", worst_at=0.3)
     told = said(misfit, 90.0, 5.0)

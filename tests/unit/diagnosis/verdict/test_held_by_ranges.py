@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from toy_problem import Toy, candidate, layout
 
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.verdict.best_set.held_by_ranges import reaching
 
 
@@ -21,7 +21,7 @@ def test_errors_reach_what_a_regression_without_the_end_finds(high: float, held:
     model = problem.model(problem.candidates)
     fit = problem.fit(problem.candidates, made.whiten, [model.start])
     test = made.test(problem, np.random.default_rng(1).standard_normal((lay.size, 20)))
-    one = Tried(problem.candidates, fit, fit.chi2, None, test)
+    one = ScoredSet(problem.candidates, fit, fit.chi2, None, test)
     found, covariance, _ = made.regression(problem, "odd", "fan")
     free, stderr = found[3], np.sqrt(covariance[3, 3])
     wider = reaching(one)

@@ -12,7 +12,7 @@ from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate
@@ -45,12 +45,12 @@ def finding(size: float) -> tuple[Toy, SimpleNamespace]:
 
 
 @dataclass(frozen=True)
-class Finding:
+class SearchResult:
     """As much of a finding as is asked for."""
 
     many: SimpleNamespace
-    best: Tried
-    accepted: Sequence[Tried] = ()
+    best: ScoredSet
+    accepted: Sequence[ScoredSet] = ()
     level: None = None
 
 
@@ -83,8 +83,8 @@ def test_the_errors_of_the_best_set_reach_what_a_small_effect_would_change() -> 
     made, _ = finding(1.0)
     made, found = finding(SIZE / sigma_of(made, 1.0))
     node = found.many.best
-    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
-    (wide,) = unnamed.in_errors(Finding(found.many, best)).accepted
+    best = ScoredSet(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
+    (wide,) = unnamed.in_errors(SearchResult(found.many, best)).accepted
     own, apart = node.fit.stderr(1.0)["slope"], abs(node.fit.values["slope"] - 0.1)
     assert apart > 2 * own
     assert apart < wide.errors["slope"] < 3 * apart
@@ -117,7 +117,7 @@ def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
     """The error of a value reaches what it would be with scattering, and that value's own error."""
     _, found = finding(0.0)
     node = found.many.best
-    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0), errors={"slope": 0.0})
+    best = ScoredSet(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0), errors={"slope": 0.0})
     also = WithScattering(
         candidate("scattering"),
         SimpleNamespace(paths=[*node.fit.paths, "b"], values={**node.fit.values, "slope": 0.3, "b": 0.1}),
@@ -137,7 +137,7 @@ def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
 def test_scattering_that_changes_no_error_is_not_spoken_of() -> None:
     _, found = finding(0.0)
     node = found.many.best
-    best = Tried(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
+    best = ScoredSet(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
     also = WithScattering(candidate("scattering"), node.fit, node.fit.stderr(), saved=0.0)
     there = SimpleNamespace(many=found.many, best=also.widened(best))
     assert unnamed.unnamed(there, {}, also) == []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from some_findings import effect, explanation, findings
+from verdict_data import effect, explanation, verdict_data
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict.next_measurement import repeat, what_next
@@ -35,14 +35,14 @@ from lightfield.diagnosis.verdict.words.headline import words_of
     ],
 )
 def test_a_doubt_follows_from_the_reason_why_there_is_no_error(reason: Reason | None, said: str) -> None:
-    text = words_of(findings("ambiguous", explanation("scattering", reason=reason)))
+    text = words_of(verdict_data("ambiguous", explanation("scattering", reason=reason)))
     assert text == Said.of(f"Perhaps scattering: it would explain the misfit, but {said}.")
 
 
 def test_a_curve_that_would_follow_anything_is_no_weak_evidence() -> None:
     """Sixty sigma are no chance; what is open is whether any other readings would be met as well."""
     found = [effect("scattering", "one of", hardly_tested=True)]
-    text = words_of(findings("ambiguous", explanation("scattering"), found=found))
+    text = words_of(verdict_data("ambiguous", explanation("scattering"), found=found))
     assert "so would it nearly any readings at these places" in text.sentence
     assert "chance" not in text.sentence
 
@@ -51,7 +51,7 @@ def test_what_stands_against_the_only_explanation_is_said() -> None:
     """Not that the evidence against chance is weak; and what is certain all the same."""
     pair = ["stratification", "surface_reflection"]
     found = [effect("saturation", "certain"), effect("beam_offset", "one of", pair)]
-    text = words_of(findings("ambiguous", explanation("saturation", "beam_offset"), found=found))
+    text = words_of(verdict_data("ambiguous", explanation("saturation", "beam_offset"), found=found))
     assert text.headline == (
         "Perhaps saturation and beam offset: it would explain the misfit, but other sets do as well."
     )
@@ -65,7 +65,7 @@ def test_several_explanations_that_share_an_effect_do_not_make_it_sure() -> None
     instead = "Instead of beam offset: surface reflection."
     pairs = [explanation("beam_offset", "saturation"), explanation("beam_offset", "background")]
     found = [effect("beam_offset", "one of", ["surface_reflection"])]
-    text = words_of(findings("ambiguous", *pairs, nearest_rival=RIVAL, found=found))
+    text = words_of(verdict_data("ambiguous", *pairs, nearest_rival=RIVAL, found=found))
     assert text.headline == (
         "Beam offset, and saturation or background or others: these readings cannot tell."
     )
@@ -74,12 +74,12 @@ def test_several_explanations_that_share_an_effect_do_not_make_it_sure() -> None
 
 def test_sets_that_share_nothing_are_told_apart_and_what_weighs_nothing_is_not_told() -> None:
     sets = [explanation("water_gradient", "settling"), explanation("background", "saturation")]
-    text = words_of(findings("ambiguous", *sets))
+    text = words_of(verdict_data("ambiguous", *sets))
     assert text.headline == (
         "Water gradient and settling; or background and saturation: these readings cannot tell."
     )
     weightless = [explanation(name, "saturation").model_copy(update={"weight": 0.004}) for name in "abc"]
-    text = words_of(findings("ambiguous", *sets, *weightless))
+    text = words_of(verdict_data("ambiguous", *sets, *weightless))
     assert text.headline == (
         "Water gradient and settling; or background and saturation: these readings cannot tell."
     )
@@ -128,7 +128,7 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
 ) -> None:
     """The page sets the one large and the other small; the terminal says both in one sentence."""
     found = [explanation(*names) for names in effects]
-    said = words_of(findings(kind, *found, nearest_rival=rival, within_tolerance=True))
+    said = words_of(verdict_data(kind, *found, nearest_rival=rival, within_tolerance=True))
     assert said == Said(sentence, headline, tuple(support))
     against, aside = "Your scene's background is not in the readings.", "1 of 5 readings was set aside."
     more = said.after(against).then(aside)
@@ -207,7 +207,7 @@ def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structur
     ],
 )  # fmt: skip
 def test_where_a_misfit_lies_is_said_from_its_data(misfit: Misfit | None, said: str) -> None:
-    text = words_of(findings("unexplained", misfit=misfit, determined=False))
+    text = words_of(verdict_data("unexplained", misfit=misfit, determined=False))
     assert text.headline == f"Unexplained by any known effects; {said}."
 
 
@@ -215,13 +215,13 @@ def test_what_was_not_asked_for_is_not_ruled_out() -> None:
     """Of two effects alone nothing follows for all that are known."""
     asked = ["scattering", "beam_tilt"]
     by = "the effects asked for (scattering and beam tilt)"
-    open_ = words_of(findings("unexplained", asked=asked))
+    open_ = words_of(verdict_data("unexplained", asked=asked))
     assert open_.headline.startswith(f"Unexplained by {by};")
-    assert words_of(findings("none", asked=asked)).headline == (
+    assert words_of(verdict_data("none", asked=asked)).headline == (
         "No missing effect among those asked for (scattering and beam tilt) detectable."
     )
     words = "Other effects were not considered"
-    assert words in open_.sentence and words not in words_of(findings("unexplained")).sentence
+    assert words in open_.sentence and words not in words_of(verdict_data("unexplained")).sentence
 
 
 def test_what_to_repeat_follows_from_where_the_misfit_is() -> None:

@@ -12,20 +12,20 @@ from analytic_readings import readings
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.search.better_light import acceptance
 from lightfield.diagnosis.search.pool.evidence import GAP
-from lightfield.diagnosis.search.small_sets import Tried
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 
 
 @pytest.fixture(scope="module")
-def passed() -> Tried:
+def passed() -> ScoredSet:
     """A set that readings with a background pass with."""
     table, scene = readings({"detector.background": 0.02})
     return diagnose(table, scene, diffuse=None, only=["background"], advise=False).finding.accepted[0]
 
 
-def test_named_forms_win_where_they_suffice(passed: Tried) -> None:
+def test_named_forms_win_where_they_suffice(passed: ScoredSet) -> None:
     """No curve is the answer that is no more than a gap cheaper than a name in its place."""
 
-    def costing(bic: float, curves: int) -> Tried:
+    def costing(bic: float, curves: int) -> ScoredSet:
         effects: Any = (SimpleNamespace(effect=SimpleNamespace(is_free_form=k < curves)) for k in range(3))
         return replace(passed, explanation=tuple(effects), bic=bic)
 
@@ -35,13 +35,13 @@ def test_named_forms_win_where_they_suffice(passed: Tried) -> None:
     assert acceptance._named_first([]) == []
 
 
-def test_what_fails_by_a_hair_and_costs_less_keeps_an_answer_from_being_alone(passed: Tried) -> None:
+def test_what_fails_by_a_hair_and_costs_less_keeps_an_answer_from_being_alone(passed: ScoredSet) -> None:
     """Of b = 0.4 per m beside walls of 0.35 a drift and a background passed at 0.012, and were identified,
     where walls with scattering failed at 0.010 and cost less."""
     best = passed
     assert best.adequacy is not None
 
-    def other(p: float, cheaper: float) -> Tried:
+    def other(p: float, cheaper: float) -> ScoredSet:
         return replace(best, bic=best.bic - cheaper, adequacy=replace(best.adequacy, p=p))
 
     hair, far, dear, passes = other(0.009, 1.6), other(0.0009, 1.6), other(0.009, -1.6), other(0.02, 1.6)

@@ -22,12 +22,12 @@ from lightfield.diagnosis.search.better_light import settled as module
 from lightfield.diagnosis.search.better_light import settling
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.better_light.settling import Judge, Settled
-from lightfield.diagnosis.search.cascade import Finding
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import PHOTONS, is_of_the_search_alone, scatters
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Node
 from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
@@ -138,13 +138,13 @@ def test_an_explanation_that_passes_no_more_is_not_accepted(found: Diagnosis, mo
 def test_the_answer_is_told_in_the_light_that_it_was_settled_in(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where it was settled before more effects than one or two were sought."""
     table, scene = readings({"detector.background": 0.02})
-    search, sought, better = stages.search, list[Finding](), list[object]()
+    search, sought, better = stages.search, list[SearchResult](), list[object]()
 
-    def nothing_passes(*given: Any) -> Finding:
+    def nothing_passes(*given: Any) -> SearchResult:
         sought.append(search(*given))
         return replace(sought[0], size=None, accepted=[])
 
-    def settle(_: Data, prepared: Prepared, *__: object) -> tuple[Prepared, Finding]:
+    def settle(_: Data, prepared: Prepared, *__: object) -> tuple[Prepared, SearchResult]:
         better.append(copy(prepared.problem.forward))
         return replace(prepared, problem=replace(prepared.problem, forward=better[0])), sought[0]
 
@@ -156,14 +156,16 @@ def test_the_answer_is_told_in_the_light_that_it_was_settled_in(monkeypatch: pyt
         monkeypatch.setattr(stages, name, value)
     told = diagnose(table, scene, only=["beam_tilt", "background"], advise=False)
     assert told.verdict.effects == ["background"] and len(better) == 1
-    assert told.found.forward is told.found.prepared.problem.forward is better[0]
+    assert told.basis.forward is told.basis.prepared.problem.forward is better[0]
 
 
 def test_a_set_that_better_light_puts_first_is_levelled_by_its_own_rivals(monkeypatch) -> None:
     """Else its effects would pass for the simplest, whatever does as well: of them nothing was known."""
     table, scene = readings({"detector.background": 0.02})
 
-    def settle(_: Data, prepared: Prepared, finding: Finding, *__: object) -> tuple[Prepared, Finding]:
+    def settle(
+        _: Data, prepared: Prepared, finding: SearchResult, *__: object
+    ) -> tuple[Prepared, SearchResult]:
         assert finding.is_levelled and finding.best is not None
         other = next(t for t in finding.tried if t.test is not None and t.names == ("beam_tilt",))
         adequacy = other.test(other.fit) if other.test is not None else None
@@ -212,7 +214,9 @@ def several() -> Diagnosis:
     return diagnose(table, scene, diffuse=None, only=only, advise=False)
 
 
-def beside(several: Diagnosis, monkeypatch, slant: float, cheaper: bool = False) -> tuple[Finding, Finding]:
+def beside(
+    several: Diagnosis, monkeypatch, slant: float, cheaper: bool = False
+) -> tuple[SearchResult, SearchResult]:
     """A finding that accepts the best set and one of fewer effects, which costs more or is said to cost less;
     and after settling the best one alone."""
     finding = several.finding
@@ -272,13 +276,15 @@ def test_a_search_goes_on_from_a_set_with_scattering_that_costs_less(monkeypatch
     )
     asked, beyond = [], stages.beyond_two
 
-    def settle(_: Data, prepared: Prepared, finding: Finding, *__: object) -> tuple[Prepared, Finding]:
+    def settle(
+        _: Data, prepared: Prepared, finding: SearchResult, *__: object
+    ) -> tuple[Prepared, SearchResult]:
         assert finding.many is not None
         least = None if asked else next(n for n in finding.many.pool.nodes.values() if len(n.names) == 2)
         asked.append(least)
         return prepared, replace(finding, cheaper=least)
 
-    def search(data: Data, prepared: Prepared, *rest: Any) -> tuple[Prepared, Finding]:
+    def search(data: Data, prepared: Prepared, *rest: Any) -> tuple[Prepared, SearchResult]:
         if asked:
             assert prepared.explanation == asked[0].explanation and prepared.reference is asked[0].fit
         return beyond(data, prepared, *rest)
@@ -300,7 +306,7 @@ def test_beside_a_width_at_its_bound_nothing_is_certain(several: Diagnosis) -> N
     fit, i = many.best.fit, many.best.fit.paths.index("lamp.hwhm_deg")
     ends = fit.u.copy()
     ends[i] = fit.model.high[i]
-    there = Node(many.best.explanation, replace(fit, u=ends))
+    there = FittedSet(many.best.explanation, replace(fit, u=ends))
     assert {e.level for e in evidence(many.pool, there, adequate=True)} == {"one of"}
 
 

@@ -25,7 +25,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 
 
-class Findings(Record):
+class VerdictData(Record):
     """Everything that a verdict says, as data."""
 
     verdict: Kind

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from lightfield.diagnosis.verdict.findings import Findings
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Estimate,
@@ -13,19 +12,20 @@ from lightfield.diagnosis.verdict.parts import (
     Rung,
     WaterAndBeam,
 )
+from lightfield.diagnosis.verdict.verdict_data import VerdictData
 
 LIGHT = WaterAndBeam(absorption_per_m=0.1, scattering_per_m=0.0, attenuation_per_m=0.1, hwhm_deg=4.0)
 
 
-def findings(kind: str, *explanations: AcceptedExplanation, **given: Any) -> Findings:
-    """Findings of that kind."""
+def verdict_data(kind: str, *explanations: AcceptedExplanation, **given: Any) -> VerdictData:
+    """VerdictData of that kind."""
     plain: dict[str, Any] = dict(
         verdict=kind, effects=[], explanations=list(explanations), nearest_rival=None, detection_limits={},
         unexplained_coordinate=None, ladder=[], noise_floor_percent=None, next_measurement=None, base_p=0.5,
         within_tolerance=False, tolerance_percent=1.0, errors_stated=False, errors_on_trust=False,
         determined=True, variance_scale=1.0, serial_correlation=0.0, outliers=[], saturated=[], readings=5,
     )  # fmt: skip
-    return Findings(**plain | given)
+    return VerdictData(**plain | given)
 
 
 def explanation(*effects: str, reason: Reason | None = None) -> AcceptedExplanation:

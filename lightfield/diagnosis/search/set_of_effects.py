@@ -1,0 +1,135 @@
+"""A set of effects that was fitted to readings, and what it scores beside others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
+from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
+from lightfield.diagnosis.problem.problem import Explanation
+from lightfield.fitting.least_squares import Fit
+
+Key = frozenset[tuple[str, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class FittedSet:
+    """A fitted set of effects."""
+
+    explanation: Explanation
+    fit: Fit
+
+    @cached_property
+    def key(self) -> Key:
+        return frozenset(c.key for c in self.explanation)
+
+    @cached_property
+    def names(self) -> frozenset[str]:
+        return frozenset(c.name for c in self.explanation)
+
+    @cached_property
+    def bounded(self) -> set[str]:
+        """Paths of what lies at an end of its range."""
+        return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
+
+    @cached_property
+    def chi2(self) -> float:
+        """Of the fit, and what it would cost that its water must not amplify."""
+        return self.fit.chi2 + cost_of_amplifying(self.fit)
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters of the effects."""
+        return sum(len(c.parameters) for c in self.explanation)
+
+    @property
+    def is_diffuse(self) -> bool:
+        return any(c.effect.diffuse for c in self.explanation)
+
+
+@dataclass(frozen=True)
+class ScoredSet:
+    """A fitted explanation; its test is missing when it was too far behind to be worth one.
+
+    Parameters
+    ----------
+    errors : mapping
+        Standard errors by path that the profile over the shapes asks for.
+    """
+
+    explanation: Explanation
+    fit: Fit
+    bic: float
+    adequacy: Adequacy | None = None
+    test: AdequacyTest | None = None
+    errors: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(sorted(c.name for c in self.explanation))
+
+    @property
+    def at_edge(self) -> bool:
+        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?
+
+        That an effect which the scene has is not there at all is an answer, not an edge.
+        """
+        found = dict(zip(self.fit.paths, self.fit.u, strict=True))
+        return self._bounded(
+            p.path
+            for c in self.explanation
+            for p, off in zip(c.amplitudes, c.neutral, strict=True)
+            if not (c.is_stated and found[p.path] == off)
+        )
+
+    @property
+    def at_bound(self) -> bool:
+        """Does any parameter of the effects lie at a bound, a shape included?"""
+        return self._bounded(p.path for c in self.explanation for p in c.parameters)
+
+    def _bounded(self, paths: Iterable[str]) -> bool:
+        bounded = {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
+        return not bounded.isdisjoint(paths)
+
+    @property
+    def undetermined(self) -> bool:
+        """Is the error of an amplitude wider than what is plausible of it?"""
+        amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
+        errors = self.fit.stderr(self.adequacy.phi if self.adequacy else 1.0)
+        return any(
+            not errors[p.path] <= p.width(u)
+            for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
+            if p.path in amplitudes and not p.is_held
+        )
+
+    def reaching(self, values: Mapping[str, float], errors: Mapping[str, float]) -> ScoredSet:
+        """The set as it stands, with errors that reach these values with theirs."""
+        wider = dict(self.errors)
+        for path in self.fit.paths:
+            if path in values:
+                reach = np.hypot(np.nan_to_num(errors[path]), values[path] - self.fit.values[path])
+                wider[path] = float(np.fmax(wider.get(path, 0.0), reach))
+        return replace(self, errors=wider)
+
+    def accepted(self, alpha: float) -> bool:
+        """Does it leave nothing unexplained?"""
+        return self.adequacy is not None and self.adequacy.passes(alpha)
+
+
+def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:
+    """Bayesian information criterion with a known variance scale (Schwarz 1978,
+    doi:10.1214/aos/1176344136); ranks, never decides."""
+    return (fit.chi2 + cost_of_amplifying(fit)) / phi + np.log(n) * sum(
+        len(c.parameters) for c in explanation
+    )
+
+
+def weights(explanations: list[ScoredSet]) -> list[float]:
+    """Relative evidence exp(-BIC/2), summing to one."""
+    values = np.array([t.bic for t in explanations])
+    relative = np.exp(-0.5 * (values - values.min()))
+    return [float(w) for w in relative / relative.sum()]
