@@ -32,12 +32,22 @@ from lightfield.diagnosis.verdict.parts import (
     Misfit,
     NearestRival,
     Rung,
+    StatedEffect,
 )
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.rest.left_over import left_over
 from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
 from lightfield.diagnosis.verdict.trust import Trust, pure_error, set_aside, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.diagnosis.verdict.verdict_data import (
+    Advised,
+    Explained,
+    HowJudged,
+    LeftOpen,
+    Reached,
+    ReadingsUsed,
+    ThisRun,
+)
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.version import __version__
@@ -163,9 +173,15 @@ def _untestable(basis: VerdictBasis) -> dict[str, tuple[Hindrance, ...]]:
     return {**basis.untestable, **{name: absorbed for name in others if name not in testable}}
 
 
-def _of_best(finding: SearchResult, phi: float, units: dict[str, str]) -> dict[str, Estimate]:
+def _phi(finding: SearchResult) -> float:
+    """Variance scale beside the best explanation, or beside the base model."""
+    best = finding.best
+    return best.adequacy.phi if best is not None and best.adequacy is not None else finding.level.phi
+
+
+def _of_best(finding: SearchResult, units: dict[str, str]) -> dict[str, Estimate]:
     """Parameters of the best set; errors that an unexplained misfit widens."""
-    closest = finding.closest
+    closest, phi = finding.closest, _phi(finding)
     if closest is None:
         return {}
     if finding.best is None:
@@ -211,6 +227,59 @@ def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _LeftOpen:
     return _LeftOpen(rival, where_next(prepared, finding, basis.forward, best, other))
 
 
+def _how_judged(basis: VerdictBasis) -> HowJudged:
+    prepared, finding = basis.prepared, basis.finding
+    first = finding.levels[0].adequacy
+    return HowJudged(
+        base_p=first.p,
+        within_tolerance=finding.level.tolerance > 0,
+        tolerance_percent=100 * prepared.noise.budget.tolerance,
+        errors_stated=prepared.errors_stated,
+        errors_on_trust=first.scale_taken,
+        determined=finding.determined,
+        variance_scale=variance_scale(prepared, finding),
+        serial_correlation=prepared.serial.rho,
+    )
+
+
+def _readings_used(basis: VerdictBasis) -> ReadingsUsed:
+    layout = basis.prepared.problem.layout
+    return ReadingsUsed(
+        outliers=[int(i) for i in np.flatnonzero(basis.trust.aside)],
+        saturated=[int(i) for i in np.flatnonzero(basis.readings.saturated)],
+        set_aside=set_aside(basis.readings, basis.trust),
+        readings=layout.size,
+        several_wavelengths=bool(layout.channel.max() > 0),
+    )
+
+
+def _reached(basis: VerdictBasis, units: dict[str, str]) -> Reached:
+    """Over the explained model, as the error of the last rung is."""
+    counted, explained = bright(basis.prepared.problem), basis.steps[-1].fit.prediction
+    floor = rms_over(standard_errors(basis.prepared, basis.finding)[counted], explained[counted])
+    return Reached(
+        ladder=_rungs(basis, units),
+        noise_floor_percent=finite(floor),
+        noise_percent=basis.trust.noise_percent,
+    )
+
+
+def _stated(
+    basis: VerdictBasis, units: dict[str, str], untestable: Untestable, doubted: bool
+) -> list[StatedEffect]:
+    prepared, finding, best = basis.prepared, basis.finding, basis.finding.best
+    phi = _phi(finding)
+    return stated_effects(
+        basis.forward.scene,
+        # What cannot be trusted contradicts no scene either.
+        [] if doubted else [*basis.lamp, *judged_effects(prepared, finding, untestable)],
+        (p.path for p in prepared.problem.base),
+        untestable,
+        lambda fit, least: estimates(fit, phi, units, least),
+        best.errors if best is not None else finding.base_errors,
+    )
+
+
 def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
     """The verdict as plain data.
 
@@ -219,74 +288,50 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
     advise : bool
         Work out held-out errors and the next measurement.
     """
-    prepared, finding, trust = basis.prepared, basis.finding, basis.trust
-    problem, level, units = prepared.problem, finding.level, units_in(basis.forward)
+    finding, problem, units = basis.finding, basis.prepared.problem, units_in(basis.forward)
     best, kind, untestable = finding.best, kind_of(finding), _untestable(basis)
     rival, advice, misfit, left = _left_open(basis, kind, advise)
-    aside = set_aside(basis.readings, trust)
     # A misfit that has a coordinate says more than any doubt.
-    doubt, coordinate = (trust.doubt, None) if misfit is None else (None, misfit.coordinate)
+    doubt, coordinate = (basis.trust.doubt, None) if misfit is None else (None, misfit.coordinate)
+    used = _readings_used(basis)
     if doubt is not None and doubt.structure is not None:
-        coordinate, advice = doubt.structure.coordinate, look(aside)
-    explanations = _explanations(basis, units, advise)
-    counted = bright(problem)
-    # Over the explained model, as the error of the last rung is.
-    explained = basis.steps[-1].fit.prediction
-    floor = rms_over(standard_errors(prepared, finding)[counted], explained[counted])
-    phi = best.adequacy.phi if best is not None and best.adequacy is not None else level.phi
-    own_effects = stated_effects(
-        basis.forward.scene,
-        # What cannot be trusted contradicts no scene either.
-        [] if doubt is not None else [*basis.lamp, *judged_effects(prepared, finding, untestable)],
-        (p.path for p in problem.base),
-        untestable,
-        lambda fit, least: estimates(fit, phi, units, least),
-        best.errors if best is not None else finding.base_errors,
-    )
-    budget, of_best = prepared.noise.budget, _of_best(finding, phi, units)
-    small = unnamed.unnamed(finding, units, basis.also) if advise else []
+        coordinate, advice = doubt.structure.coordinate, look(used.set_aside)
+    explanations, of_best = _explanations(basis, units, advise), _of_best(finding, units)
     # Too much noise names nothing; readings set aside leave the others as they are.
     nameless = doubt is not None and doubt.reason is not DoubtReason.SET_ASIDE
     told = [] if nameless else found_effects(basis.forward, finding, of_best)
     # By name: of an effect with several forms one may be in the best set, and another not testable.
-    named = {one.effect for one in told}
-    return Verdict(
-        verdict=kind,
-        effects=[c.name for c in best.explanation] if best else [],
-        explanations=explanations,
-        found=told,
-        nearest_rival=rival,
-        detection_limits=_limits(finding, units, basis.also),
-        hindrances={name: list(why) for name, why in untestable.items() if name not in named},
-        unexplained_coordinate=coordinate,
-        misfit=misfit,
-        left_over=list(left),
-        unnamed=small,
-        reason_to_doubt=doubt,
-        ladder=_rungs(basis, units),
-        noise_floor_percent=finite(floor),
-        noise_percent=trust.noise_percent,
-        next_measurement=advice,
-        stated=own_effects,
-        assumptions=list(budget.assumed),
-        cautions=[
-            *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
-            *exchanged(basis.forward, problem, finding),
-            *cautions(basis.readings, prepared, finding, explanations),
-        ],
-        base_p=finding.levels[0].adequacy.p,
-        within_tolerance=level.tolerance > 0,
-        tolerance_percent=100 * budget.tolerance,
-        errors_stated=prepared.errors_stated,
-        errors_on_trust=finding.levels[0].adequacy.scale_taken,
-        determined=finding.determined,
-        variance_scale=variance_scale(prepared, finding),
-        serial_correlation=prepared.serial.rho,
-        outliers=[int(i) for i in np.flatnonzero(trust.aside)],
-        saturated=[int(i) for i in np.flatnonzero(basis.readings.saturated)],
-        set_aside=aside,
-        readings=problem.layout.size,
-        several_wavelengths=bool(problem.layout.channel.max() > 0),
-        seed=basis.seed,
-        lightfield_version=__version__,
+    named, budget = {one.effect for one in told}, basis.prepared.noise.budget
+    parts = (
+        Explained(
+            verdict=kind,
+            effects=[c.name for c in best.explanation] if best else [],
+            explanations=explanations,
+            found=told,
+        ),
+        LeftOpen(
+            nearest_rival=rival,
+            detection_limits=_limits(finding, units, basis.also),
+            hindrances={name: list(why) for name, why in untestable.items() if name not in named},
+            unexplained_coordinate=coordinate,
+            misfit=misfit,
+            left_over=list(left),
+            unnamed=unnamed.unnamed(finding, units, basis.also) if advise else [],
+            reason_to_doubt=doubt,
+        ),
+        _reached(basis, units),
+        Advised(
+            next_measurement=advice,
+            stated=_stated(basis, units, untestable, doubt is not None),
+            assumptions=list(budget.assumed),
+            cautions=[
+                *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
+                *exchanged(basis.forward, problem, finding),
+                *cautions(basis.readings, basis.prepared, finding, explanations),
+            ],
+        ),
+        _how_judged(basis),
+        used,
+        ThisRun(seed=basis.seed, lightfield_version=__version__),
     )
+    return Verdict(**{name: value for part in parts for name, value in part})
