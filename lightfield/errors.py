@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 SHOWN = 10  # so many problems of a list are printed
 LONGEST_VALUE, LONGEST_LINE = 300, 2000
@@ -92,16 +93,9 @@ class LightfieldError(Exception):
     @property
     def complaints(self) -> tuple[Complaint, ...]:
         """Every single problem, each with its file, rule and remedy; without any, the error itself."""
+        mine: dict[str, Any] = {"where": self.where, "rule": self.rule, "remedy": self.remedy}
         every = self.problems or (Complaint(self.what, self.found),)
-        return tuple(
-            replace(
-                one,
-                where=one.where or self.where,
-                rule=one.rule or self.rule,
-                remedy=one.remedy or self.remedy,
-            )
-            for one in every
-        )
+        return tuple(replace(one, **{k: getattr(one, k) or v for k, v in mine.items()}) for one in every)
 
 
 def _told(

@@ -35,8 +35,7 @@ from lightfield.storage.files import output_file
 
 #: Places at which a curve is drawn. Chosen: twice its nodes.
 PLACES = 121
-#: Errors of a fitted lamp that are smaller than this part of the largest are left out of its table. Chosen:
-#: words alone.
+#: Errors of a fitted lamp below this part of the largest are left out of its table. Chosen: words alone.
 _HARDLY = 1e-3
 #: The table of a fitted beam profile, beside the scene that was fitted.
 LAMP_TABLE = "lamp.csv"

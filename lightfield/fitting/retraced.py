@@ -10,8 +10,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
-#: The diffuse light is traced in the water that a fit asks for, until it asks for no other: at most so often.
-#: Chosen: time alone.
+#: Diffuse light is traced in the water that a fit asks for, until it asks for no other or so often. Chosen.
 TRACES = 3
 
 

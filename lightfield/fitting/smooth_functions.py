@@ -16,11 +16,9 @@ from lightfield.scene.curve import Nodes
 
 #: Nodes of a curve: three for each bend of the finest function. Chosen.
 NODES = 61
-#: A curve that a fit tries is clipped here, a factor of 1100. Chosen: no lamp has more, and no number
-#: overflows.
+#: A curve that a fit tries is clipped here, a factor of 1100. Chosen: no lamp has more, no number overflows.
 LARGEST = 7.0
-#: What differs by less is one: coordinates, as a part of their range; curves, of their largest value. Chosen:
-#: far above rounding.
+#: What differs by less is one: coordinates as a part of their range, curves of their largest value: rounding.
 _SAME_PART = 1e-6
 #: What rounding leaves of the largest eigenvalue.
 _ROUNDING = 1e-10

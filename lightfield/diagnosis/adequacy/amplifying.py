@@ -21,8 +21,7 @@ from lightfield.scene.all_parameters import acts_on
 from lightfield.scene.water.ageing import ages
 from lightfield.scene.water.layers import is_layered
 
-#: Part of its standard error by which a parameter is moved to see what the water does. Chosen: a slope, and
-#: no curvature.
+#: Part of its standard error by which a parameter is moved to see what the water does. Chosen: a slope.
 _MOVED = 0.01
 #: What amplifying costs at most: odds of 150, where evidence is called very strong (Kass and Raftery 1995,
 #: doi:10.1080/01621459.1995.10476572). Without an end a gradient of 37 sigma that goes 0.036 per m below zero

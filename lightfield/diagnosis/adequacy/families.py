@@ -20,15 +20,14 @@ _ITERATIONS, _STEPS, _WEAK = 10, (1.0, 0.3, 0.1), 1e-3
 #: Most free levels of a coordinate and readings for each; where there are more, cosines take their place: so
 #: many, and readings for each. Chosen: the mean of four has half the noise of one.
 _MAX_LEVELS, _MAX_COSINES, _READINGS_PER_TERM = 40, 30, 4
-#: More of the time, of which every reading has its own, and fewer of the signal, with which a factor changes
-#: slowly. Chosen.
+#: More of the time, of which every reading has its own; fewer of the signal, with which it changes slowly.
+#: Chosen.
 _MAX_TIME_COSINES, _READINGS_PER_TIME_COSINE, _SIGNAL_COSINES = 40, 6, 5
 #: Slow changes with the angle that may come with a ripple. Chosen: slower than `templates.SLOWEST_RIPPLE`.
 _SLOW_TERMS = 4
 #: Columns of a factor are the same when less than this part is left. Chosen: far above rounding.
 _SAME_COLUMN = 1e-6
-#: Signals below this part of the largest are one. Chosen: that of an assumed error is as dark
-#: (`quoted.ASSUMED_FLOOR`).
+#: Signals below this part of the largest are one. Chosen, as `quoted.ASSUMED_FLOOR`.
 _DARKEST = 1e-3
 #: Keeps the scale of a coordinate, and a misfit, finite: rounding.
 _LEAST = 1e-12

@@ -32,8 +32,8 @@ _MANY = 80
 #: One-tailed chance that any good reading of a table is called an outlier: of many readings, and of few,
 #: whose loss costs more. Chosen so that both tails make ALPHA, and a tenth; test_robust.py holds them.
 OUTLIER_LEVEL, OUTLIER_LEVEL_FEW = 0.005, 0.0005
-#: Readings this many spreads off are proposed as outliers. By chance one good one of 370 is; what is judged
-#: an outlier is farther off.
+#: Readings this many spreads off are proposed as outliers: by chance one of 370. What is judged one is
+#: farther off.
 _PROPOSED = 3.0
 #: Where the weights of the Cauchy regression are a half, in spreads: 2.385 makes it 95 % efficient on normal
 #: errors (Holland and Welsch 1977, doi:10.1080/03610927708827533). Rounds: it only proposes.
@@ -41,26 +41,22 @@ _CAUCHY, _CAUCHY_ROUNDS = 2.5, 8
 #: Part of a degree of freedom that a column takes from a spread about a robust fit, and the least that is
 #: left of all. Chosen: less than one, for a median is not the mean square that least squares minimises.
 _TAKEN_PER_COLUMN, _LEAST_LEFT = 0.8, 0.25
-#: A spread is no smaller than this part of the largest misfit: most readings may fit exactly. Chosen: far
-#: above rounding.
+#: A spread is no smaller than this part of the largest misfit: most may fit exactly. Chosen: above rounding.
 _EXACT = 1e-9
 #: Outliers that share a place are no slips when there are so many, and so large a part of that place. Chosen:
 #: two of seven neighbours may be slips of one hand, three on one side of the model hardly.
 _TOGETHER, _TOGETHER_PART = 3, 0.4
-#: Correlations considered, all equally likely beforehand. Of both signs: were none below 0, independent noise
-#: of 120 readings would on average pass for one of 0.13, and errors of fits be a tenth too large
-#: (test_robust.py).
+#: Correlations considered, all equally likely. Of both signs: were none below 0, independent noise of 120
+#: readings would pass for one of 0.13 on average, and errors of fits be a tenth too large (test_robust.py).
 RHO_GRID = np.linspace(-0.5, 0.95, 30)
 #: Correlations closer than this are one. Derived: eigenvalues of that of 1e-3 lie between 0.998 and 1.002 of
 #: those of none, and chi-square with them.
 SAME_RHO = 1e-3
-#: A correlation needs so many pairs of neighbours in the scan. Chosen: its error, one over their root, is
-#: then 0.2.
+#: A correlation needs so many pairs of neighbours in the scan. Chosen: its error is then 0.2.
 _FEWEST_PAIRS = 20
 #: Quantiles of a posterior in the middle of its fifths. Chosen.
 _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: ln(variance scale) over which it is integrated out, from a twentieth to eight thousand. Chosen: beyond what
-#: is believed.
+#: ln(variance scale) over which it is integrated out, from a twentieth to eight thousand. Chosen.
 _LOG_SCALE = np.linspace(-3.0, 9.0, 121)
 #: Spread of ln(variance of the noise over the stated one) in the prior, and degrees of freedom of its Student
 #: distribution. Chosen: stated errors are good to a factor of 1.3 or so, but tails wide enough for one of 5.
@@ -68,8 +64,7 @@ SCALE_SPREAD, _SCALE_DOF = 0.5, 4
 #: An overstated part of the error budget must not make the readings look better than they can be. Chosen; on
 #: half and nearly twice of it no answer hangs (test_cascade.py).
 SMALLEST_SCALE = 0.5
-#: From so many rows on products of columns are quicker than reflections, and as good beside a basis. Chosen:
-#: time alone.
+#: From so many rows on products of columns are quicker than reflections, and as good. Chosen: time alone.
 _MANY_ROWS = 3000
 #: Beside fewer spare readings than this no scale is estimated. Chosen: from four its error is 70 %.
 FEWEST_TO_SCALE = 4

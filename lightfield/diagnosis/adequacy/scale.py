@@ -19,7 +19,7 @@ from lightfield.diagnosis.problem.whitening import Whitener
 _DEGREE = 8
 #: Stays with a gain of their own that are taken as columns of the shared errors. Chosen: time alone.
 _FEW_STAYS = 200
-#: Columns that are whitened at a time, to bound the memory.
+#: Columns that are whitened at a time. Chosen: memory alone.
 _AT_ONCE = 128
 
 

@@ -22,13 +22,14 @@ from lightfield.diagnosis.problem.layout import AIR_APART_M, LEAST_RANGE, PLACE_
 #: Rows of places beside each other: numbers along them are no lengths.
 _ROWS = ("along x", "along y", "along z")
 #: Probability with which slips alone are called a structure, by their places or by their number. Chosen:
-#: rarer than a false alarm (`score_tests.ALPHA`), to which it adds; test_aside.py holds it.
+#: rarer than a false alarm (`score_tests.ALPHA`), to which it adds; test_slips.py holds it.
 FALSE_ALARM = 0.003
 #: Random choices of as many places: the chance of FALSE_ALARM is then known to two fifths.
 PERMUTATIONS = 1999
 #: Fewer readings than this are near each other by chance.
 _FEWEST = 3
 #: Factor between the numbers of struck places that a window is tried with, once they are more than a few.
+#: Chosen: random choices are counted in the same steps, so that FALSE_ALARM stays what it is (test_slips.py).
 _COUNTS_APART = 1.25
 #: Decimals in m and in the scan to which readings are of one place and moment. Chosen: rounding of a table.
 _MOMENT_DECIMALS = 6

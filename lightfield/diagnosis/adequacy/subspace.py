@@ -11,8 +11,7 @@ from lightfield.decompositions import eigen, thin_svd
 #: Derivatives with respect to parameters are collinear when less than this part of the strongest direction is
 #: left. Chosen: far above the rounding of doubles (1e-16), far below what readings tell apart.
 INDEPENDENT = 1e-9
-#: The same of effects and unknowns, whose directions must be told apart by readings good to a per cent or so.
-#: Chosen: a tenth of that.
+#: The same of effects and unknowns, told apart by readings good to a per cent. Chosen: a tenth of that.
 DISTINCT = 1e-3
 
 

@@ -28,8 +28,7 @@ _TIME_TERMS, _MANY, _TIME_TERMS_OF_FEW = 6, 80, 2
 #: Cosines across the beam at most; at every distance at most, of so many readings for each. Chosen: what a
 #: beam does is smooth over a tenth of a scan, and a row needs five readings for a level and a slope.
 _ACROSS_TERMS, _PER_PLANE_TERMS, _READINGS_PER_TERM = 10, 3, 5
-#: A row of so many readings or more has all of these terms, a shorter one has one. Chosen: twice
-#: _READINGS_PER_TERM.
+#: A row of so many readings or more has all of these terms, a shorter one has one. Chosen: two of five each.
 _LONG_ROW = 10
 #: Places at which a bump is sought at most. Chosen: time against thoroughness.
 _MOST_BUMPS = 40

@@ -24,11 +24,9 @@ PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
 #: Readings above this part of the largest one are bright: of all, or of those of their plane. Chosen: where
 #: an error in per cent is one of the model, and not of the dark.
 BRIGHT = 0.05
-#: Added to the distance of readings in air, in metres, to tell them from those in water. Chosen: beyond any
-#: tank.
+#: Added to the distance of readings in air, m, to tell them from those in water. Chosen: beyond any tank.
 AIR_APART_M = 1e4
-#: Of no more readings than this it is kept how alike their errors are: as many as are whitened as one.
-#: Chosen: memory alone.
+#: Of no more readings than this it is kept how alike their errors are. Chosen: memory alone.
 _KEPT = 512
 
 

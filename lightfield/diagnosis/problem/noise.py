@@ -17,7 +17,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.position_slope import position_slope
 
 #: How far a model error that is of no interest, and that of the response of diffuse light (of one trace), is
-#: the same in two bands.
+#: the same in two bands. Chosen: on half of the first, or 0.99, no test of several bands hangs.
 CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
 #: So many readings are whitened as one. Chosen: time alone; what blocks leave out is _LEFT_OUT.
 WHITENED_WHOLE = 512
@@ -29,17 +29,15 @@ _LEFT_OUT, _ROUNDING, _ROUNDING_OF_MANY = 1e-4, 1e-11, 1e-6
 #: own variance on average, in the directions of which they share least. Measured: beside 10,125 readings with
 #: scattered light 563 do for 1070; chi-square differs by less than 1e-4 of itself, and scatters by 1.4e-2.
 _MANY, _LEFT_OUT_OF_MANY = 3000, 5e-4
-#: Rows of what readings share that are worked out at a time, to bound the memory.
+#: Rows of what readings share that are worked out at a time. Chosen: memory alone.
 _AT_ONCE = 512
-#: The shared covariance of so many readings is kept while their factor is made. Beside errors of photons they
-#: are whitened as one. Measured: what 1495 of these share takes 957 columns, and as long to tell as the whole
-#: factor.
+#: The shared covariance of so many readings is kept while their factor is made; beside errors of photons they
+#: are whitened as one. Measured: what 1495 share takes 957 columns, and as long as the whole factor.
 _KEPT_WHOLE = 1500
 #: Photons' variance over a reading's own from which on products of their contributions are double precision.
 #: Measured: rounded singly they leave a covariance of 1000 readings that is none from a million times on.
 _SINGLE = 1e3
-#: Photons' contributions are taken as they are where there are so many times more readings. Chosen: time
-#: alone.
+#: Photons' contributions are as they are where there are so many times more readings. Chosen: time alone.
 _SMALL_RANK = 8
 
 

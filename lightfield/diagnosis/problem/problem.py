@@ -19,8 +19,7 @@ from lightfield.fitting.parameter import FitParameter, Model
 
 Explanation = tuple[Candidate, ...]
 
-#: Steps of a fit at most, and what a further one would have to gain in chi-square. Chosen: a thirtieth of an
-#: error.
+#: Steps of a fit at most, and what a further one would gain in chi-square. Chosen: a thirtieth of an error.
 _STEPS, _LEFT = 40, 1e-3
 #: Fits to more readings than this begin with a sample of so many. Chosen: time alone; with fewer, fits and
 #: answers are the same (test_many.py, test_sample.py).
@@ -29,8 +28,7 @@ MANY, SAMPLE = 3000, 1500
 #: they may be the best of all readings, beyond the second they are out of the question. Chosen: 3.5 and ten
 #: sigma of a sample that is half of all at most.
 _AS_GOOD, FAR_BEHIND = 12.0, 100.0
-#: Fits to the sample that differ by less found the same minimum. Chosen: a fit stops at a hundredth of
-#: chi-square.
+#: Fits to the sample that differ by less found the same minimum. Chosen: where a fit stops, in chi-square.
 _SAME_MINIMUM = 1e-2
 
 

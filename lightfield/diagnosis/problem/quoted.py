@@ -33,8 +33,7 @@ _CLEARER = 0.8
 #: lamp's flicker is that of its temperature, some half more in the blue than in the red, and bands of a
 #: spectrum agree no better than that.
 OWN_PART = 0.2
-#: Light below this part of the largest error is none. Derived: the square of what lies between would be no
-#: number.
+#: Light below this part of the largest error is none. Derived: squares in between would be no numbers.
 NO_LIGHT = 1e-100
 
 

@@ -41,21 +41,20 @@ from lightfield.scene.water.coefficients import absorption_per_m, clearest_in
 #: Assumed when the table does not say, in per cent and mm. Chosen: what a tow tank's stage and lamp repeat
 #: to, and what nobody asks of a formula; the verdict lists what was assumed.
 PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
-#: A radiometer calibrated by a standard lamp is good to a few per cent in the laboratory and to 5 to 10 % in
-#: water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp powers.
-#: Chosen from these.
+#: Chosen: a radiometer calibrated by a standard lamp is good to a few per cent in the laboratory and to 5 to
+#: 10 % in water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp
+#: powers.
 CALIBRATION_PERCENT = 10.0
-#: The gain of absolute readings is looked for within so many errors of the calibration. By chance one of 370
-#: lies beyond.
+#: The gain of absolute readings is looked for within so many errors of the calibration: by chance one of 370
+#: is not.
 _GAIN_SIGMAS = 3.0
-#: On a relative scale a gain is looked for within this exponent of the first guess. Chosen: five orders each
-#: way.
+#: On a relative scale a gain is looked for within this exponent of the first guess. Chosen: a factor of
+#: 160,000.
 GAIN_ROOM = 12.0
-#: Half widths are looked for within this factor of the guess. Chosen: beyond the mistakes that are made
-#: (`plausibility`).
+#: Half widths are looked for within this factor of the guess. Chosen: beyond any mistake (`plausibility`).
 _WIDTH_FACTOR = 5.0
-#: Guesses are kept unless the width is off by this factor, or the light by this exponent over all distances.
-#: Chosen: a start alone.
+#: Guesses are kept unless the width is off by this factor, or the light by this exponent. Chosen: a start
+#: alone.
 _WIDTH_GUESS, _ABSORPTION_GUESS = 2.0, 1.5
 #: Half widths are looked for up to this, in degrees. Chosen: nearly a hemisphere.
 _WIDEST_DEG = 80.0
@@ -66,8 +65,8 @@ _ABSORPTION_ROOM_PER_M = 3.0
 _STEP, _GAIN_STEP = 1e-4, 1e-5
 #: Part of the largest reading that a place of most light reads at least: a gain is positive. Chosen.
 _LEAST_READING = 1e-3
-#: The gain is guessed where the scene has most light: at a tenth of the places, and at so many at least.
-#: Chosen: a start alone.
+#: The gain is guessed where there is most light: a tenth of the places, so many at least. Chosen: a start
+#: alone.
 _FEWEST_BRIGHTEST = 3
 #: Wavelengths in nm, closer than this, are one: rounding of a table.
 _SAME_NM = 10.0**-WAVELENGTH_DECIMALS
@@ -76,7 +75,7 @@ _NO_LIGHT = 1e-60
 #: A fit needs so many readings more than it has parameters. Derived: any curve meets as many.
 _FEWEST_TO_SPARE = 1
 #: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
-#: which the model may be wrong in its own way.
+#: which the model may be wrong in its own way. Chosen: time and memory alone.
 MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
 #: Memory of traced light grows with the cells that are tallied for the places it is wanted at (0.6 to 0.9 GB
 #: for so many, benchmarks/diagnosis_size); a place by itself takes up to nine.

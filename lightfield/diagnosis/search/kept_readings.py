@@ -22,8 +22,7 @@ _OUTLIER_ROUNDS = 3
 #: What lies within so many standard errors of a fit that was made without it is no outlier. Chosen: of 175
 #: readings one lies farther by chance in four tables of ten.
 _MET = 3.0
-#: Stays of fewer readings than this, in the mean, have gains that are next to these readings' own errors.
-#: Chosen.
+#: Stays of fewer readings, in the mean, have gains that are next to these readings' own errors. Chosen.
 _IN_A_STAY = 4
 
 

@@ -21,12 +21,12 @@ from lightfield.diagnosis.search.preparation import Bench, Prepared
 from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.set_of_effects import FittedSet, Key, ScoredSet, weights
 
-#: Accepted sets that are tested and told, and sets that came near them.
+#: Accepted sets that are tested and told, and sets that came near them. Chosen: words and time alone.
 _ACCEPTED, _NEAR = 8, 12
 #: Sets whose chi-square differs by less, in units of the noise, fit as well. Chosen: one standard error.
 _AS_GOOD = 1.0
 #: Chi-square over that of the noise from which on a set misses the readings by far. Chosen: what lacks one of
-#: several effects leaves more.
+#: several effects leaves more; with half and twice ten campaigns have the same verdicts.
 _FAR = 2.0
 
 

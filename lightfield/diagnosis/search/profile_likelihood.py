@@ -23,11 +23,9 @@ ROUGH_STEPS = 4
 #: Within so many standard errors of a minimum a sample is not asked whether it is far behind. Chosen: a
 #: little more than TWO_SIGMA asks for.
 _BESIDE = 2.1
-#: Chi-square, in units of the scale, by which a minimum must be lower to be another one. Chosen: a third of
-#: an error.
+#: Chi-square, in units of the scale, by which another minimum must be lower. Chosen: a third of an error.
 LOWER = 0.1
-#: Chi-square by which all is worse that lies beyond one and beyond two standard errors. Derived: of a
-#: parabola.
+#: Chi-square by which all beyond one and beyond two standard errors is worse. Derived: a parabola.
 ONE_SIGMA, TWO_SIGMA = 1.0, 4.0
 
 

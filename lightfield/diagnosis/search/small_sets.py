@@ -31,14 +31,13 @@ _PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED, _SINGLES_TEST
 #: many are then fitted to the end, and how many when that will do. Chosen: time against thoroughness; on half
 #: and twice of the first no answer hangs (test_cascade.py).
 _ROUGH, _FEW, _FINISHED, _QUICK = 5, 2, 14, 3
-#: So many of the explanations by diffuse light are refitted under the errors of their own response.
+#: So many of the explanations by diffuse light are refitted under errors of their own. Chosen: time alone.
 _REFITTED = 8
 #: So many of the best pairs are begun again at other shapes; of so many answers the shapes are profiled.
 #: Chosen: time against thoroughness.
 _RESTARTED, _PROFILED = 5, 3
 #: Part of its range within which a score may start an amplitude, alone and in a pair, where it is surer; off
-#: a one-sided zero, where nothing has a slope, by half of the typical size if it is within a tenth of it.
-#: Chosen: a start alone.
+#: a one-sided zero, where nothing has a slope, by half of the typical size if within a tenth of it. Chosen.
 _ALONE, _IN_A_PAIR, _NEAR_ZERO, _OFF_ZERO = 0.3, 0.5, 0.1, 0.5
 #: Of the grid of a shape so many are fitted to the end. Chosen: time against thoroughness.
 _SHAPES_FINISHED = 2

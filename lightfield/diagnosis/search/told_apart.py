@@ -22,10 +22,10 @@ from lightfield.fitting.least_squares import Fit, Whiten
 
 #: What would have been seen would have been missed with this probability. Chosen, as is usual.
 MISSED = 0.05
-#: Tests that share the level, roughly: forms of effects and unknowns of a usual layout.
+#: Tests that share the level: forms of effects and unknowns of a usual layout. Chosen, roughly: were they
+#: half or twice as many, DETECTABLE_SIGMA, 5.2, would be 0.2 less or more (test_told_apart.py has 25).
 _TESTS = 25
-#: Projected size, in sigma, that is found with 95 % probability at the family-wise level of so many tests.
-#: Derived.
+#: Projected size, in sigma, that is found with 95 % probability at the family-wise level. Derived.
 DETECTABLE_SIGMA = float(-special.ndtri(ALPHA / (2 * _TESTS)) - special.ndtri(MISSED))
 #: Explanations nearer than this belong to one class. Derived: the best method there is names the wrong one of
 #: two in Phi(-D/2) = 7 of 100 cases.

@@ -33,7 +33,7 @@ from lightfield.fitting.parameter import FitParameter
 _HELD = (2.0, 4.0)
 #: Steps of a fit at most, and what it may leave of chi-square. Chosen, as in the pool (`fitted_sets._STEPS`).
 _STEPS, _LEFT = 20, 0.05
-#: Part of a distribution below one standard error; combinations of parameters that are not told, as in `Fit`.
+#: Part of a normal distribution below one standard error (derived); what is not told, as in `Fit`.
 _HOLDS, _SINGULAR = 0.8413, 1e-6
 
 

@@ -31,11 +31,9 @@ SPOTS, REPEATS = 3, 4
 #: Two spots closer than this part of the largest distance are one. Chosen.
 _APART = 0.04
 #: Possible places: how many across and along; from and to which part of the distances that were read; how far
-#: to the sides at least, as a part of the largest distance; and up and down, as a part of that. Chosen: near
-#: what was read.
+#: to the sides at least, as a part of the largest distance; and up and down, as a part of that. Chosen.
 _ACROSS, _ALONG, _NEAREST, _FARTHEST, _LEAST_ACROSS, _UP = 17, 12, 0.6, 1.15, 0.1, 0.6
-#: Within a tank: parts of its half width and of its length, and metres from floor and top. Chosen: room for a
-#: receiver.
+#: Within a tank: parts of its half width and of its length, and metres from floor and top. Chosen.
 _WITHIN_SIDES, _WITHIN_END, _FROM_FLOOR_M = 0.97, 0.98, 0.03
 #: Added to the diagonal of an information matrix, relative and alone, so that it can be solved: rounding.
 _RIDGE, _RIDGE_ALONE = 1e-9, 1e-12

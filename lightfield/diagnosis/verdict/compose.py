@@ -197,7 +197,7 @@ def kind_of(finding: SearchResult) -> Kind:
     return "none" if finding.size == 0 else "unexplained"
 
 
-class _LeftOpen(NamedTuple):
+class _Undecided(NamedTuple):
     """What a verdict leaves open."""
 
     rival: NearestRival | None = None
@@ -206,16 +206,16 @@ class _LeftOpen(NamedTuple):
     left: Sequence[LeftOver] = ()
 
 
-def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _LeftOpen:
+def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _Undecided:
     """Of an answer its nearest rival and what tells them apart; else what the unexplained rest is like."""
     prepared, finding = basis.prepared, basis.finding
     best = finding.best
     if best is None:
         if kind != "unexplained" or finding.withheld or finding.in_part:
-            return _LeftOpen()
+            return _Undecided()
         local = left_over(prepared, finding, basis.readings) if advise or finding.unknown else []
         misfit, advice = unexplained(prepared, finding, local)
-        return _LeftOpen(None, advice, misfit, along(misfit, [one.record for one in local]))
+        return _Undecided(None, advice, misfit, along(misfit, [one.record for one in local]))
     rival, near = None, None
     if not finding.beyond_two:  # of more the gap to the best set without each says more, and takes no fits
         near = nearest_rival(prepared.problem, finding.whiten, best, finding.tried, finding.level.phi)
@@ -223,8 +223,8 @@ def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _LeftOpen:
         rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
     other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
     if kind != "ambiguous" or other is None or not advise:
-        return _LeftOpen(rival)
-    return _LeftOpen(rival, where_next(prepared, finding, basis.forward, best, other))
+        return _Undecided(rival)
+    return _Undecided(rival, where_next(prepared, finding, basis.forward, best, other))
 
 
 def _how_judged(basis: VerdictBasis) -> HowJudged:

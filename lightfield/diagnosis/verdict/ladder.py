@@ -17,8 +17,7 @@ from lightfield.diagnosis.search.pool.quick import Begin, quick_fit
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Steps of a fit without one plane, from the fit with it; what the fit of a rung may leave of chi-square.
-#: Chosen.
+#: Steps of a fit without one plane, from that with it; what a rung's may leave of chi-square. Chosen.
 _STEPS, _LEFT = 12, 1e-5
 #: Of more effects than this, fits in between and without one plane take the slopes of a neighbouring one, and
 #: may leave this of chi-square. Measured: with all their derivatives they take minutes in scattered light.

@@ -19,9 +19,8 @@ from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, SetAside
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 
-#: Median error of a bright reading, in per cent of it, beyond which readings name and exclude nothing.
-#: Chosen: what is called noise up there is as likely a mistake (a beam read with eight grey levels makes 13
-#: %).
+#: Median error of a bright reading, per cent, beyond which readings name and exclude nothing. Chosen: what is
+#: called noise up there is as likely a mistake (a beam read with eight grey levels makes 13 %).
 SANE_NOISE_PERCENT = 10.0
 #: Errors may be quoted too small by this factor in variance before a scale that a misfit widens is no longer
 #: believed. Chosen: half of `score_tests.VARIANCE_EXCESS`, which readings without a misfit may show.

@@ -1,17 +1,27 @@
-"""Numbers that decide in the diagnosis have names, and every name says where its number comes from."""
+"""Numbers that decide have names, and every name says where its number comes from."""
 
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
-import lightfield.diagnosis
+import lightfield
 
-HOUSE = Path(lightfield.diagnosis.__file__).parent
-MODULES = sorted(m for m in HOUSE.rglob("*.py") if m.name not in ("__init__.py", "ledger.py"))
+HOUSE = Path(lightfield.__file__).parent
+TESTS = HOUSE.parent / "tests"
+ROOMS = (HOUSE / "diagnosis", HOUSE / "fitting")
+MODULES = sorted(m for r in ROOMS for m in r.rglob("*.py") if m.name not in ("__init__.py", "ledger.py"))
 TEXTS = {str(module.relative_to(HOUSE)): module.read_text(encoding="utf-8") for module in MODULES}
 #: Arithmetic: counts, halves, squares, per cent and units of time.
 PLAIN = {0, 1, 2, 3, 0.5, 10, 100, 60, 3600, 1000}
+#: Where a number comes from: a choice (and why), what was measured, a derivation, the tail of a distribution,
+#: the digits of a float, a test, a benchmark or a paper.
+ORIGIN = re.compile(
+    r"\b(chosen|measured|derived|chance|rounding)\b|\btest_\w+\.py|\bbenchmarks\b|\bdoi:", re.I
+)
+#: The table of effects says of each what its numbers are.
+TABLE = "EFFECTS"
 
 
 def assigned(node: ast.stmt) -> list[str]:
@@ -30,6 +40,7 @@ def test_a_number_in_a_function_has_a_name() -> None:
     inside = [
         f"{place}, line {n.lineno}: {n.value}"
         for place, text in TEXTS.items()
+        if place.startswith("diagnosis")
         for f in ast.walk(ast.parse(text))
         if isinstance(f, ast.FunctionDef)
         for n in numbers(f)
@@ -37,7 +48,7 @@ def test_a_number_in_a_function_has_a_name() -> None:
     assert inside == []
 
 
-def test_a_number_with_a_name_is_explained() -> None:
+def test_a_number_with_a_name_says_where_it_comes_from() -> None:
     """In a comment right above it."""
     bare = [
         f"{place}: {name}"
@@ -45,7 +56,28 @@ def test_a_number_with_a_name_is_explained() -> None:
         for node in ast.parse(text).body
         if isinstance(node, (ast.Assign, ast.AnnAssign)) and node.value is not None
         if any(isinstance(n, ast.Constant) and type(n.value) in (int, float) for n in ast.walk(node.value))
-        if not text.splitlines()[node.lineno - 2].startswith("#:")
+        if not ORIGIN.search(above(text.splitlines(), node.lineno - 1))
         for name in assigned(node)
+        if name != TABLE
     ]
-    assert bare == []
+    assert not bare, "\n".join(bare)
+
+
+def above(lines: list[str], at: int) -> str:
+    """The comment above a line."""
+    first = at
+    while lines[first - 1].startswith("#:"):
+        first -= 1
+    return " ".join(line.removeprefix("#: ") for line in lines[first:at])
+
+
+def test_what_a_comment_rests_on_is_there() -> None:
+    """Tests and benchmarks by their names, and numbers of other modules as `module.NAME`."""
+    comments = "\n".join(line for text in TEXTS.values() for line in text.splitlines() if "#" in line)
+    tests = {module.name for module in TESTS.rglob("test_*.py")}
+    assert set(re.findall(r"\btest_\w+\.py", comments)) - tests == set()
+    benchmarks = set(re.findall(r"\bbenchmarks[./](\w+)", comments))
+    assert [one for one in benchmarks if not (TESTS.parent / "benchmarks" / one).exists()] == []
+    texts = {Path(place).stem: text for place, text in TEXTS.items()}
+    named = re.findall(r"`(\w+)\.(_?[A-Z][A-Z_]+)`", comments)
+    assert [f"{module}.{name}" for module, name in named if name not in texts.get(module, "")] == []

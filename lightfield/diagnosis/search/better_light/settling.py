@@ -16,7 +16,7 @@ from lightfield.diagnosis.search.followed import PHOTONS, ratio_at, scatters, wi
 from lightfield.diagnosis.search.own_errors import on_sample, under_own_errors
 from lightfield.diagnosis.search.preparation import Prepared, whitening
 from lightfield.diagnosis.search.profile_likelihood import restarted
-from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.least_squares import LOOSE, Fit
 from lightfield.render.diffuse.ratio import Ratio
 from lightfield.scene import Scene
 
@@ -29,17 +29,16 @@ _MOST_PHOTONS = 1.2e7
 #: benchmarks/scattering_fits, with what the photons' noise moves.
 _MOVED, _WIDENED, _NEXT = 0.2, 0.2, 0.2
 #: Better light that moves a fit by more than so many errors may move its valleys: other shapes are tried.
+#: Chosen; on half and twice no test of settled light hangs.
 _FAR = 3.0
-#: Traces are pooled that were made within so many errors of where the fit has come to.
+#: Traces are pooled that were made within so many errors of where the fit has come to. Chosen; on half and
+#: twice no test of settled light hangs.
 _NEAR = 1.5
 #: Traces of a ratio have seeds of their own, so many of each diagnosis. Chosen: no trace has another's.
 _SEED, _OF_EACH = 7000, 100
 #: Part of what the readings say of the photons' noise that is taken to be theirs at most: the widening
-#: divides by what is left. Derived: what many readings share is known but for a part
-#: (`noise._LEFT_OUT_OF_MANY`).
+#: divides by what is left. Derived: shared errors are known but for a part (`noise._LEFT_OUT_OF_MANY`).
 _ALL_PHOTONS = 1 - 1e-4
-#: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
-_SINGULAR = 1e-12
 
 
 @dataclass(frozen=True)
@@ -177,5 +176,5 @@ def _widened(now: Settled) -> float:
             known, directions = eigen(white @ white.T)
             seen = np.sqrt(np.maximum(known, 0.0))[:, None] * (directions.T @ unit)
         information += seen.T @ (seen / (1 - np.minimum(known, _ALL_PHOTONS))[:, None])
-    without = np.diag(np.linalg.pinv(information, rcond=_SINGULAR, hermitian=True)) / norm[free] ** 2
+    without = np.diag(np.linalg.pinv(information, rcond=LOOSE, hermitian=True)) / norm[free] ** 2
     return float(np.max(np.sqrt(with_photons[free] / without) - 1, initial=0.0))

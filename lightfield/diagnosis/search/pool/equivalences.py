@@ -19,9 +19,8 @@ from lightfield.fitting.beam_width import WIDTH
 
 #: Turns of the receiver, in degrees, from which a fit begins. Chosen: a start alone.
 _TURNS_DEG = (6.0, 12.0)
-#: The beam before the receiver's acceptance is wider than after it: the acceptance is wider than the beam by
-#: this factor in its square, at least, and by the other where it would not be; a tilt has this size at least.
-#: Chosen: a start alone.
+#: The acceptance of a receiver is wider than the beam by this factor in its square, at least, and by the
+#: other where it would not be; a tilt has this size at least. Chosen: a start alone.
 _WIDER, _MUCH_WIDER, _LEAST_TILT_DEG = 1.05, 1.3, 0.02
 
 #: Coordinate of a width in the fit: (10 / degrees)^2. Chosen: of order one.

@@ -32,11 +32,11 @@ _STEPS, _LEFT = 20, 0.05
 #: from one alone the width of a halo is lost.
 _FEW, _SHAPES = 4, 2
 #: Sets that cost no more than this above the best are fitted to the end at once; of others the cost is rough.
+#: Chosen: five times `evidence.FAMILY`.
 _NEAR = 50.0
-#: Part of its range within which a score may start an amplitude.
+#: Part of its range within which a score may start an amplitude. Chosen: a start alone.
 _PART = 0.4
-#: A fit that begins elsewhere counts where chi-square is lower by so much, in units of the noise. Chosen: one
-#: standard error.
+#: A fit that begins elsewhere counts where chi-square is lower by so much, in units of the noise. Chosen.
 _ELSEWHERE = 1.0
 #: Predictions of scattered or reflected light that all fits together may take: some milliseconds each,
 #: between walls up to 30. Chosen: two minutes at most.

@@ -11,8 +11,7 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet, Key
 _MOST = 9
 #: A set counts as better when it costs less by this: rounding.
 _BETTER = 1e-6
-#: What promises less of chi-square than one parameter takes of the noise is not fitted. Derived: that is 1 by
-#: chance.
+#: What promises less of chi-square than one parameter takes of the noise by chance is not fitted.
 _LEAST = 1.0
 #: Rounds of drops and swaps; in each so many swaps are fitted, of those that promise to cost no more than
 #: this above the best. Chosen: the smallest that mended sets of four effects and more.

@@ -18,14 +18,12 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.followed import is_followed
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Damping to begin with, at least, and by how much it falls and rises; steps that fail one after the other
-#: before the slopes are taken anew, and with new ones before it ends. Chosen (test_quick.py compares with
-#: least squares).
+#: Damping to begin with, at least, and by how much it falls and rises; steps that fail before the slopes are
+#: taken anew, and with new ones before it ends. Chosen (test_quick.py compares with least squares).
 _DAMPING, _LEAST, _FALL, _RISE, _FAILURES, _GIVEN_UP = 1e-3, 1e-9, 10.0, 10.0, 3, 8
 #: How often slopes are taken anew before a fit counts as ended. Chosen.
 _RENEWALS = 6
-#: Rounds for each parameter in which a step finds what it holds at bounds: a few do, but they might repeat.
-#: Chosen.
+#: Rounds for each parameter in which a step finds what it holds at bounds: a few do. Chosen: no endless loop.
 _ROUNDS = 3
 #: What a fit may leave of its distance from sets near the best. Chosen: what is added to it is ranked by what
 #: it would save, and what is added to is fitted to the end.

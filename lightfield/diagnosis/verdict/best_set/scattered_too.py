@@ -28,13 +28,12 @@ from lightfield.diagnosis.verdict.best_set.uncertain_light import in_uncertain_l
 from lightfield.fitting.least_squares import Fit
 
 _PATH = "water.scattering_per_m"
-#: Scattering that is traced, in 1/m: between that of clear ocean and of coastal water (0.04 and 0.22 at
-#: 514 nm, Petzold 1972, SIO Ref. 72-78).
+#: Scattering that is traced, in 1/m. Chosen: between that of clear ocean and of coastal water (0.04 and 0.22
+#: at 514 nm, Petzold 1972, SIO Ref. 72-78).
 _TRACED_PER_M = 0.1
 #: Photons of that trace. Measured: of a tenth of them the noise hides how much scatters.
 _PHOTONS = 1e7
-#: Least scattering of the fit, in 1/m: without any, its light would have no error. Chosen: clear water
-#: (`followed._CLEAR_PER_M`).
+#: Least scattering of the fit, in 1/m: without any, its light would have no error. Chosen: clear water.
 _LEAST_PER_M = 1e-4
 
 

@@ -21,7 +21,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import own_whitener
 from lightfield.fitting.forward import SceneForward
-from lightfield.fitting.least_squares import Fit, least_squares
+from lightfield.fitting.least_squares import LOOSE, Fit, least_squares
 
 #: Steps of a fit and rounds of fits, at most; part of an error by which the last one may still move.
 #: Measured: of 32 fits beside walls all but one ended within 5 rounds.
@@ -29,8 +29,6 @@ _STEPS, _ROUNDS, _STAYED = 40, 8, 0.05
 #: Part of the apparent information that is left after the photons' noise is taken off, at least: an error is
 #: the apparent one over it at most, where noise alone tells. Chosen.
 _LEAST_TOLD = 0.3
-#: Combinations of parameters with a smaller part of the information are left out of errors, as in `Fit`.
-_SINGULAR = 1e-12
 
 
 class FoundInLight(NamedTuple):
@@ -127,7 +125,7 @@ def _covariance(problem: Problem, own: Whitener, fit: Fit) -> Array:
     by_noise -= np.array([[np.vdot(a, b) for b in told] for a in told])
     # In coordinates in which the apparent information is one; what it does not tell is left out, as in `Fit`.
     known, directions = eigen((jacobian / size).T @ (jacobian / size))
-    seen = known > _SINGULAR * known.max(initial=0.0)
+    seen = known > LOOSE * known.max(initial=0.0)
     inverse = directions[:, seen] / np.sqrt(known[seen])
     share, axes = eigen(inverse.T @ (by_noise / np.outer(size, size)) @ inverse)
     left = np.maximum(1 - share, _LEAST_TOLD)

@@ -35,17 +35,16 @@ from lightfield.scene.water.coefficients import absorption_per_m
 #: those of the absorption by up to 35 %, where the model was right (52 rendered sets); mistakes are larger:
 #: radius for diameter or half for full width 2, decadic for natural logarithms 2.3, feet for metres 3.3.
 WIDTH_FACTOR, ABSORPTION_FACTOR = 1.5, 2.0
-#: An absorption that changes the light over all distances by a smaller optical depth is not spoken of.
-#: Chosen: a tenth of the light.
+#: An absorption that takes less of the light than this optical depth is not spoken of. Chosen: a tenth.
 FELT = 0.1
 #: Errors of the calibration beyond which a gain is spoken of. Chosen: one right calibration of 370 is.
 GAIN_SIGMA = 3.0
-#: Chi-square from which on water that amplifies is spoken of: two standard errors.
+#: Chi-square from which on water that amplifies is spoken of. Chosen: two standard errors.
 AMPLIFIES = 4.0
 #: What a table in coarse steps leaves out of bright readings from which on it is spoken of. Chosen: of six
 #: sets with an offset one held other effects of lamp and receiver where it was 2 %, five where it was 5 %.
 COARSE = 0.01
-#: Exchanged columns leave this part of the misfit at most.
+#: Exchanged columns leave this part of the misfit at most. Chosen: in chi-square, half of every reading's.
 EXCHANGED = 0.25
 
 

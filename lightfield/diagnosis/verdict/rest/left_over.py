@@ -31,7 +31,8 @@ from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.readings import Readings
 from lightfield.scene.own.own_effect import OwnEffect, Places
 
-#: A parameter of ripples: by so many of its errors, or such a part of it, it may be off in a file.
+#: A parameter of ripples: by so many of its errors, or such a part of it, it may be off in a file. By chance
+#: it is farther off once in two million; the part is chosen.
 _PERIOD, _PERIOD_SIGMA, _PERIOD_PART = "period", 5.0, 0.05
 #: Part of what the best set leaves, in per cent, that an unknown removes before it is told. Chosen.
 _LEAST_REMOVED_PERCENT = 20.0

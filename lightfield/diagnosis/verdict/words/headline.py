@@ -21,8 +21,7 @@ from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
 from lightfield.wording import plain
 
-#: Effects from which on the verdict is told by what is known of each. Derived: one and two have words of
-#: their own.
+#: Effects from which on the verdict is told by what is known of each. Derived: for fewer there are words.
 MANY: Final = 3
 #: Explanations, or effects asked for, that the sentence names one by one. Chosen: words alone.
 _NAMED = 4

@@ -8,8 +8,7 @@ from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
 from lightfield.diagnosis.verdict.speech import UNITS, join, roughly
 from lightfield.wording import plain
 
-#: What formulas call the coordinates of a misfit, and their unit over that of the misfit. Chosen: words
-#: alone.
+#: What formulas call the coordinates of a misfit, and their unit over that of the misfit: derived.
 _CALLED = {
     "x": ("x", 1.0),
     "y": ("y", 1.0),
