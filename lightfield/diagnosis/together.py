@@ -232,7 +232,7 @@ def _searched(
     test = whitened_test(problem, whiten, np.random.default_rng(0))
     ground = Ground(test, 1.0, test(true).nu)
     pool = Pool(ground)
-    at = Begin(dict(zip(true.paths, true.u.tolist(), strict=True)))
+    at = Begin(true.by_path)
     pool.finished(pool.fit((), [at]))
     return pool, pool.finished(pool.fit(chosen, [at]))
 
@@ -256,7 +256,7 @@ def _unseen(
     sigma = float(np.sqrt(max(less.fit.chi2 - whole.fit.chi2, 0.0) / pool.ground.phi))
     gap = min(pool.cost(less), pool.cost(seen)) - pool.cost(whole)
     # Beside what is seen alone: noise may lift it above its price, and by the gap that a name takes.
-    begin = Begin(dict(zip(whole.fit.paths, whole.fit.u.tolist(), strict=True)))
+    begin = Begin(whole.fit.by_path)
     more = pool.finished(pool.fit((*seen.explanation, candidate), [begin]))
     d, square = len(candidate.parameters), max(seen.fit.chi2 - more.fit.chi2, 0.0) / pool.ground.phi
     margin = pool.cost(seen) - pool.cost(more) + d - NAMED_GAP

@@ -69,6 +69,11 @@ class Fit:
     def paths(self) -> tuple[str, ...]:
         return tuple(p.path for p in self.model.parameters)
 
+    @property
+    def by_path(self) -> dict[str, float]:
+        """Coordinates by path."""
+        return dict(zip(self.paths, self.u.tolist(), strict=True))
+
     def covariance(self, scale: float = 1.0) -> Array:
         """Covariance of the coordinates, shape (n_parameters, n_parameters); NaN rows where undetermined."""
         norm = np.linalg.norm(self.jacobian, axis=0)

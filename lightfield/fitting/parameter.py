@@ -123,6 +123,10 @@ class Model:
     def start(self) -> Array:
         return np.array([p.start for p in self.parameters])
 
+    def at(self, known: Mapping[str, float]) -> Array:
+        """Coordinates that are known by path, and the start of the others."""
+        return np.array([known.get(p.path, p.start) for p in self.parameters])
+
     def values(self, u: Array) -> dict[str, float]:
         """Scene values at the coordinates `u`."""
         return {p.path: p.value(x) for p, x in zip(self.parameters, u, strict=True)}

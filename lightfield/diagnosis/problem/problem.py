@@ -94,9 +94,7 @@ class Problem:
         wide = tuple(
             max((c, *forms), key=lambda f: len(f.parameters)) if c.name == effect else c for c in explanation
         )
-        known = dict(zip(fit.paths, fit.u, strict=True))
-        u = np.array([known.get(p.path, p.start) for p in self.model(wide).parameters])
-        return self.fit(wide, whiten, [u], max_steps=0)
+        return self.fit(wide, whiten, [self.model(wide).at(fit.by_path)], max_steps=0)
 
     def rough(self, explanation: Explanation, whiten: Whiten, start: Array, max_steps: int) -> Fit:
         """A fit of a few steps, to a sample of many readings: its chi-square ranks it among its like."""

@@ -139,11 +139,11 @@ def levelled(data: Data, prepared: Prepared, finding: SearchResult) -> SearchRes
     explanation = tuple(own.get(c.key, c) for c in best.explanation)
     if not all(c in problem.candidates for c in explanation):
         return finding
-    start = Begin(dict(zip(best.fit.paths, best.fit.u, strict=True)))
+    start = Begin(best.fit.by_path)
     pool.finished(pool.fit((), [start]))
     node = pool.finished(pool.fit(explanation, [start]))
     for other in finding.accepted[1:]:
-        pool.fit(other.explanation, [Begin(dict(zip(other.fit.paths, other.fit.u, strict=True)))])
+        pool.fit(other.explanation, [Begin(other.fit.by_path)])
     for candidate in node.explanation:
         seek_rivals(pool, node, candidate)
     node = pool.nodes[node.key]

@@ -78,7 +78,7 @@ class ScoredSet:
 
         That an effect which the scene has is not there at all is an answer, not an edge.
         """
-        found = dict(zip(self.fit.paths, self.fit.u, strict=True))
+        found = self.fit.by_path
         return self._bounded(
             p.path
             for c in self.explanation

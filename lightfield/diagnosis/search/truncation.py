@@ -115,21 +115,18 @@ def truncation_errors(
     def fitted(explanation: Explanation, begin: Mapping[str, float]) -> Fit:
         return finished_fit(problem, explanation, whiten, Begin(begin), _STEPS, _LEFT)
 
-    def at(fit: Fit) -> dict[str, float]:
-        return dict(zip(fit.paths, map(float, fit.u), strict=True))
-
-    first = fitted(longer, at(tried.fit))
+    first = fitted(longer, tried.fit.by_path)
     found = [first]
     for path, sigma in _shapes(tried).items():
-        middle = at(tried.fit)[path]
+        middle = tried.fit.by_path[path]
         for side in (-1.0, 1.0):
-            begin = at(first)
+            begin = first.by_path
             for step in _HELD:
                 held, u = _holding(longer, path, middle + side * step * sigma)
                 there = fitted(held, {**begin, path: u})
-                begin = at(there)
+                begin = there.by_path
                 found.append(there)
-    best = fitted(longer, at(min(found, key=lambda f: f.chi2)))
+    best = fitted(longer, min(found, key=lambda f: f.chi2).by_path)
     found.append(best)
     curved = {p.path for c in tried.explanation if c.effect.is_free_form for p in c.parameters}
     own, out = best.stderr(phi), {}

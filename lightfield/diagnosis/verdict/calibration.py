@@ -125,11 +125,10 @@ def on_absolute_scale(
 def with_power(prepared: Prepared, finding: SearchResult, tried: ScoredSet, power: Candidate) -> ScoredSet:
     """An explanation with its gain put down to the lamp; the same prediction."""
     explanation = (*tried.explanation, power)
-    known = dict(zip(tried.fit.paths, tried.fit.u, strict=True))
+    known = tried.fit.by_path
     known[LAMP_POWER] = power.amplitudes[0].start * np.exp(known[GAIN])
     _check_power(known[LAMP_POWER], power)
-    model = prepared.problem.model(explanation)
-    start = np.array([known[p.path] for p in model.parameters])
+    start = prepared.problem.model(explanation).at(known)
     adequacy = tried.adequacy or finding.level.adequacy
     test = tried.test or finding.level.bench.test
     fit = prepared.problem.fit(explanation, test.whiten, [start])

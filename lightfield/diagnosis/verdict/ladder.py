@@ -126,7 +126,7 @@ def _order(
     Where the error in per cent rises on that way, as it can while chi-square falls where the model is nearly
     dark, the way on which it is lowest from rung to rung, and rises least.
     """
-    known, counted = dict(zip(full.paths, full.u, strict=True)), bright(problem)
+    known, counted = full.by_path, bright(problem)
     fits = {frozenset[int](): base, frozenset(range(len(explanation))): full}
 
     def fitted(order: tuple[int, ...], before: Fit) -> Fit:
@@ -209,14 +209,13 @@ def climb(
     for k in range(len(order) + 1):
         part = order[:k]
         if k:
-            known = dict(zip(full.paths, full.u, strict=True))
+            known = full.by_path
             own = [known[p.path] for p in order[k - 1].parameters]
             if k < len(order):
                 left = _LEFT if len(order) <= _FEW else _ROUGHLY
                 fit = problem.fit(part, whiten, [np.concatenate([fit.u, own])], tolerance=left)
             else:  # the best set as it is told: from elsewhere it may come to another minimum
-                there = np.array([known[p.path] for p in problem.model(part).parameters])
-                fit = problem.fit(part, whiten, [there], max_steps=0)
+                fit = problem.fit(part, whiten, [problem.model(part).at(known)], max_steps=0)
         label = "base" if not k else _label(order[k - 1])
         dof = max(n - len(fit.u), 1)
         steps.append(

@@ -14,11 +14,11 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
-from lightfield.arrays import TINY, Array
+from lightfield.arrays import TINY
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
@@ -92,12 +92,6 @@ def _as_stated(candidate: Candidate) -> Candidate:
     return replace(candidate, shapes=(), grid=((),))
 
 
-def _start(problem: Problem, explanation: Explanation, like: Fit) -> Array:
-    """Coordinates of a fit, and the start of what it does not move."""
-    known = dict(zip(like.paths, like.u, strict=True))
-    return np.array([known.get(p.path, p.start) for p in problem.model(explanation).parameters])
-
-
 def _sigmas(worse: float, parameters: int) -> float:
     """Growth of chi-square by holding some parameters, as standard deviations of a Gaussian."""
     p = float(special.chdtrc(parameters, max(worse, 0.0)))
@@ -117,7 +111,7 @@ def _without(problem: Problem, tried: ScoredSet) -> ScoredSet:
         if not (candidate.is_stated and tried.test and tried.adequacy):
             continue
         rest = tuple(_removed(c) if c is candidate else c for c in tried.explanation)
-        fit = problem.fit(rest, tried.test.whiten, [_start(problem, rest, tried.fit)])
+        fit = problem.fit(rest, tried.test.whiten, [problem.model(rest).at(tried.fit.by_path)])
         worse = (fit.chi2 - tried.fit.chi2) / tried.adequacy.phi
         adequacy = tried.test(fit)
         if _sigmas(worse, len(candidate.parameters)) < REMOVABLE_SIGMA and adequacy.passes(ALPHA):
@@ -150,7 +144,7 @@ def _judged(problem: Problem, finding: SearchResult, candidate: Candidate) -> Ju
 
     def fitted(*more: Candidate) -> Fit:
         whole = (*others, *more)
-        begun = _start(problem, whole, fit)
+        begun = problem.model(whole).at(fit.by_path)
         return problem.fit(whole, whiten, [begun])
 
     free, kept, gone = fitted(changed), fitted(), fitted(_removed(candidate))

@@ -19,7 +19,7 @@ from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
 from lightfield.diagnosis.search.pool.answer import named, the_answer
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
@@ -147,7 +147,7 @@ def _pool(ground: Ground, best: FittedSet, progress: Progress) -> Pool:
         progress.tried(1, ground.problem, node.explanation, node.fit)
 
     pool = Pool(ground)
-    start = Begin(fitted_at(best))
+    start = Begin(best.fit.by_path)
     # Width and absorption of a large set may lie where the base model alone has another minimum.
     pool.finished(pool.fit((), [start, Begin({})]))
     pool.finished(pool.fit(best.explanation, [start]))
@@ -321,8 +321,7 @@ def _is_elsewhere(data: Data, found: FittedSet, before: FittedSet) -> bool:
         return False
     if found.key != before.key:
         return True
-    known = dict(zip(before.fit.paths, before.fit.u, strict=True))
-    return found.fit.away_from(np.array([known[path] for path in found.fit.paths])) > _NEAR
+    return found.fit.away_from(found.fit.model.at(before.fit.by_path)) > _NEAR
 
 
 def _beside_rivals(pool: Pool, found: FittedSet) -> FittedSet:

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
@@ -25,7 +23,7 @@ _FARTHER, _ASKED = 10.0, 6.0
 
 def at_ends(explanation: Explanation, fit: Fit) -> set[str]:
     """Amplitudes, by path, that lie at an end of what is plausible; one that is off lies at none."""
-    at = dict(zip(fit.paths, fit.u, strict=True))
+    at = fit.by_path
     bounded = {path for path, is_there in zip(fit.paths, fit.at_bound(), strict=True) if is_there}
     return {
         p.path
@@ -79,8 +77,8 @@ def needless_beyond(pool: Pool, best: FittedSet, gap: float) -> dict[str, tuple[
 
 def _chi2_without(pool: Pool, explanation: Explanation, candidate: Candidate, fit: Fit) -> float:
     """Of a set of effects fitted without one of them, from where it lies with it."""
-    rest, at = tuple(c for c in explanation if c is not candidate), dict(zip(fit.paths, fit.u, strict=True))
-    start = np.array([at[p.path] for p in pool.problem.model(rest).parameters])
+    rest = tuple(c for c in explanation if c is not candidate)
+    start = pool.problem.model(rest).at(fit.by_path)
     return pool.problem.fit(rest, pool.ground.test.whiten, [start]).chi2
 
 

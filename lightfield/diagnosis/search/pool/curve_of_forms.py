@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.fitted_sets import Pool, begin_at, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Pool, begin_at
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
@@ -36,7 +36,7 @@ def try_curves(pool: Pool, best: FittedSet, candidate: Candidate) -> None:
 
 def _laid_over(pool: Pool, best: FittedSet, curve: Candidate) -> Begin:
     """Where the curve makes the beam that the forms of a set make."""
-    problem, known = pool.problem, fitted_at(best)
+    problem, known = pool.problem, best.fit.by_path
     basis: Basis = problem.forward.scenes.curves.bases[PROFILE]
     lamp = problem.forward.scenes.at(best.fit.values, validate=False).lamp
     squared = np.radians(basis.place) ** 2
@@ -63,8 +63,7 @@ def _as_bright(pool: Pool, best: FittedSet, curve: Candidate, u: dict[str, float
     problem = pool.problem
     whole = tuple(c for c in best.explanation if c.name not in curve.effect.contains)
     model = problem.model((*whole, curve))
-    at = np.array([u.get(p.path, p.start) for p in model.parameters])
-    now, wanted = model.predict(at), best.fit.prediction
+    now, wanted = model.predict(model.at(u)), best.fit.prediction
     ratio = float(wanted @ wanted) / max(float(wanted @ now), np.finfo(float).tiny)
     more = float(np.log(ratio)) if np.isfinite(ratio) and ratio > 0 else 0.0
     return {path: x + more if is_gain(path) else x for path, x in u.items()}

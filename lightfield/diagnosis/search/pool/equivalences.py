@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
-from lightfield.diagnosis.search.pool.fitted_sets import Pool, fitted_at
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
@@ -86,7 +86,7 @@ def try_beside(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
         shows = BESIDE.get(new.name) in {c.name for c in rest} and new.name not in have
         if not (shows and go_together(whole) and pool.affordable(whole)):
             continue
-        known = fitted_at(node)
+        known = node.fit.by_path
         sizes = [
             {
                 p.path: float(np.clip(p.start + size * typical, p.low, p.high))
@@ -108,6 +108,6 @@ def try_declared(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
         whole = (*rest, *new)
         found = {c.name for c in whole} >= set(line.together)
         if found and new and go_together(whole) and pool.affordable(whole):
-            known, values = fitted_at(node), node.fit.values
+            known, values = node.fit.by_path, node.fit.values
             width = values.get(WIDTH, pool.problem.forward.light.diffuse.width_deg)
             pool.fit(whole, [Begin(known | start) for start in line.starts(values, width)])

@@ -164,11 +164,11 @@ class Pool:
         if (known := self.nodes.get(frozenset(c.key for c in whole))) is not None:
             if known.key in self._finished or not self._is_near(promised):
                 return known
-            begins = [*begins, Begin(fitted_at(known))]
+            begins = [*begins, Begin(known.fit.by_path)]
         fits = [self._quick(whole, begin, _FEW if len(begins) > 1 else _STEPS) for begin in begins]
         fit = min(fits, key=lambda f: f.chi2)
         if len(begins) > 1:
-            fit = self._quick(whole, Begin(dict(zip(fit.paths, fit.u, strict=True))), _STEPS)
+            fit = self._quick(whole, Begin(fit.by_path), _STEPS)
         self.fits += 1
         node = self._remember(FittedSet(whole, fit))
         near = self._is_near(min(self.cost(node), promised))
@@ -200,7 +200,7 @@ class Pool:
         """The set as fitted to the end, with slopes of its own."""
         if node.key not in self._finished:
             whiten = self.ground.test.whiten
-            begin = Begin(fitted_at(node))
+            begin = Begin(node.fit.by_path)
             fit = finished_fit(self.problem, node.explanation, whiten, begin, _STEPS, _LEFT)
             self._spend(node.explanation, fit)
             self._finished.add(node.key)
@@ -300,14 +300,9 @@ def joins(candidate: Candidate, node: FittedSet) -> bool:
     return all(candidate.effect.combines_with(c.effect) for c in node.explanation)
 
 
-def fitted_at(node: FittedSet) -> dict[str, float]:
-    """Coordinates of a fit by path."""
-    return dict(zip(node.fit.paths, map(float, node.fit.u), strict=True))
-
-
 def begin_at(node: FittedSet) -> Begin:
     """Where a set lies, with its slopes."""
-    return Begin(fitted_at(node), dict(zip(node.fit.paths, node.fit.jacobian.T, strict=True)))
+    return Begin(node.fit.by_path, dict(zip(node.fit.paths, node.fit.jacobian.T, strict=True)))
 
 
 def with_effect(

@@ -57,9 +57,8 @@ def _square(residual: Array) -> float:
 class _Quick:
     def __init__(self, problem: Problem, explanation: Explanation, whiten: Whiten, begin: Begin) -> None:
         self.problem, self.whiten, self.model = problem, whiten, problem.model(explanation)
-        start = np.array([begin.u.get(p.path, p.start) for p in self.model.parameters])
         self.low, self.high = self.model.low, self.model.high
-        self.u = np.clip(start, self.low, self.high)
+        self.u = np.clip(self.model.at(begin.u), self.low, self.high)
         self.evaluations, self.diffuse = 0, any(c.effect.diffuse for c in explanation)
         self.explanation, self.near = explanation, self.model
         self.prediction, self.residual = self._at(self.u)

@@ -31,8 +31,8 @@ def with_longer_curve(finding: SearchResult, best: ScoredSet) -> ScoredSet:
         return best
     weighing = Weighing.of(many.pool, node)
     problem, whiten = many.pool.problem, many.bench.whiten
-    model, known = problem.model(longer), dict(zip(node.fit.paths, node.fit.u, strict=True))
-    here = np.array([known.get(p.path, p.start) for p in model.parameters])
+    model = problem.model(longer)
+    here = model.at(node.fit.by_path)
     fits: list[Fit] = [problem.fit(longer, whiten, [here])]
     for k, p in enumerate(model.parameters):
         if p.path == WIDTH:

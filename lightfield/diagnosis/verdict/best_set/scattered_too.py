@@ -13,8 +13,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -99,8 +97,7 @@ def with_scattering(problem: Problem, finding: SearchResult, seed: int) -> WithS
     candidate = replace(found, amplitudes=(replace(free, low=_LEAST_PER_M),), shapes=(), grid=((),))
     explanation, main = (*best.explanation, candidate), best.test.whiten
     assert isinstance(main, Whitener)
-    known = dict(zip(best.fit.paths, best.fit.u, strict=True)) | {_PATH: _TRACED_PER_M}
-    start = np.array([known[p.path] for p in problem.model(explanation).parameters])
+    start = problem.model(explanation).at(best.fit.by_path | {_PATH: _TRACED_PER_M})
     traced = problem.fit(explanation, main, [start], max_steps=0)
     if not scatters(problem, traced):
         return None

@@ -98,9 +98,7 @@ def _of_set(problem: Problem, one: ScoredSet, name: str, whiten: Whiten) -> Loca
     assert one.adequacy is not None
     fit, phi = one.fit, one.adequacy.phi
     rest = tuple(c for c in one.explanation if c.name != name)
-    known = dict(zip(fit.paths, fit.u, strict=True))
-    start = np.array([known[p.path] for p in problem.model(rest).parameters])
-    without = problem.fit(rest, whiten, [start])
+    without = problem.fit(rest, whiten, [problem.model(rest).at(fit.by_path)])
     left = max(without.chi2 - phi * max(int(problem.keep.sum()) - len(fit.u), 1), TINY)
     share = 100 * (without.chi2 - fit.chi2) / left
     beside, passes = sorted(c.name for c in rest), one.adequacy.passes(ALPHA)
@@ -122,13 +120,13 @@ def _pool(
     # A misfit without any smoothness was taken for noise: what is noise is here for the quoted errors to say.
     test = whitened_test(wider, Whitener(prepared.noise, 0.0, 1.0, 0.0), np.random.default_rng(0))
     pool = Pool(Ground(test, error_scale(prepared, finding), level.adequacy.nu))
-    begin = Begin(dict(zip(fit.paths, fit.u.tolist(), strict=True)))
+    begin = Begin(fit.by_path)
     return pool, pool.finished(pool.fit(explanation, [begin])), local
 
 
 def _certain(pool: Pool, finding: SearchResult, node: FittedSet) -> list[FittedSet]:
     """The base model, and with what is certain all the same: the rest of the best set may only imitate."""
-    begin = Begin(dict(zip(node.fit.paths, node.fit.u.tolist(), strict=True)))
+    begin = Begin(node.fit.by_path)
     partial = [e.candidate.key for e in finding.many.evidence if e.level == "partial"] if finding.many else []
     sure = tuple(c for c in node.explanation if c.key in partial)
     return [pool.finished(pool.fit(some, [begin])) for some in {(), sure} if some != node.explanation]

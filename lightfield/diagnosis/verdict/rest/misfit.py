@@ -108,9 +108,7 @@ def _refitted(problem: Problem, finding: SearchResult, plain: Whitener) -> tuple
     """The base model, and what is certain all the same."""
     known = tuple(e.candidate for e in finding.many.evidence if e.level == "partial") if finding.many else ()
     like = finding.closest.fit if known and finding.closest else finding.level.base
-    place = dict(zip(like.paths, like.u, strict=True))
-    start = np.array([place[p.path] for p in problem.model(known).parameters])
-    return known, problem.fit(known, plain, [start])
+    return known, problem.fit(known, plain, [problem.model(known).at(like.by_path)])
 
 
 def _linear(problem: Problem, fit: Fit, plain: Whitener) -> Fit:

@@ -88,7 +88,7 @@ def test_two_effects_that_hide_each_other_are_found_as_a_pair() -> None:
     assert pairs[0].names == ("odd", "twin")
     found, _, chi2 = made.regression(problem, "odd", "twin")
     assert pairs[0].fit.chi2 == pytest.approx(chi2, rel=1e-3)
-    by_name = dict(zip(pairs[0].fit.paths, pairs[0].fit.u, strict=True))
+    by_name = pairs[0].fit.by_path
     assert (by_name["toy.odd"], by_name["toy.twin"]) == pytest.approx(tuple(found[-2:]), rel=0.02)
 
 
@@ -147,7 +147,7 @@ def made_up(name: str, bic: float, passes: bool = True, at: float = 0.5) -> Scor
     effect = candidate(name, 0.0, 1.0)
     fit = SimpleNamespace(
         paths=("level", f"toy.{name}"),
-        u=np.array([1.0, at]),
+        by_path={"level": 1.0, f"toy.{name}": at},
         at_bound=lambda: np.array([False, at in (0, 1)]),
     )
     return ScoredSet((effect,), cast(Any, fit), bic, cast(Any, SimpleNamespace(passes=lambda alpha: passes)))
