@@ -154,6 +154,10 @@ class SearchResult:
         """The best explanation."""
         return self.accepted[0] if self.accepted else None
 
+    def adequacy_of(self, one: ScoredSet | None) -> Adequacy:
+        """Noise and tests beside a set; of one that was not tested, those of the base model."""
+        return self.level.adequacy if one is None or one.adequacy is None else one.adequacy
+
     @property
     def is_levelled(self) -> bool:
         """Is it known how sure the effects of the best explanation are, each beside the others?"""

@@ -129,7 +129,7 @@ def with_power(prepared: Prepared, finding: SearchResult, tried: ScoredSet, powe
     known[LAMP_POWER] = power.amplitudes[0].start * np.exp(known[GAIN])
     _check_power(known[LAMP_POWER], power)
     start = prepared.problem.model(explanation).at(known)
-    adequacy = tried.adequacy or finding.level.adequacy
+    adequacy = finding.adequacy_of(tried)
     test = tried.test or finding.level.bench.test
     fit = prepared.problem.fit(explanation, test.whiten, [start])
     calibration = prepared.noise.budget.calibration or 0.0
@@ -170,7 +170,7 @@ def judged_power(prepared: Prepared, problem: Problem, finding: SearchResult) ->
         return []
     best = finding.best or ScoredSet((), finding.level.base, 0.0)
     found = any(c.name == EFFECT for c in best.explanation)
-    phi = best.adequacy.phi if best.adequacy else finding.level.phi
+    phi = finding.adequacy_of(best).phi
     if found:
         value = best.fit.values[LAMP_POWER]
         far = float(np.log(value / power.amplitudes[0].start)) * value / best.errors[LAMP_POWER]

@@ -146,8 +146,7 @@ def _explanations(basis: VerdictBasis, units: dict[str, str], hold_out: bool) ->
 def _limits(
     finding: SearchResult, units: dict[str, str], also: WithScattering | None
 ) -> dict[str, DetectionLimit]:
-    best = finding.best
-    adequacy = best.adequacy if best is not None and best.adequacy is not None else finding.level.adequacy
+    best, adequacy = finding.best, finding.adequacy_of(finding.best)
     named = {*(best.names if best else ()), *finding.unknown}
     limits = detection_limits(adequacy, adequacy.phi)
     if also is not None:
@@ -173,15 +172,9 @@ def _untestable(basis: VerdictBasis) -> dict[str, tuple[Hindrance, ...]]:
     return {**basis.untestable, **{name: absorbed for name in others if name not in testable}}
 
 
-def _phi(finding: SearchResult) -> float:
-    """Variance scale beside the best explanation, or beside the base model."""
-    best = finding.best
-    return best.adequacy.phi if best is not None and best.adequacy is not None else finding.level.phi
-
-
 def _of_best(finding: SearchResult, units: dict[str, str]) -> dict[str, Estimate]:
     """Parameters of the best set; errors that an unexplained misfit widens."""
-    closest, phi = finding.closest, _phi(finding)
+    closest, phi = finding.closest, finding.adequacy_of(finding.best).phi
     if closest is None:
         return {}
     if finding.best is None:
@@ -268,7 +261,7 @@ def _stated(
     basis: VerdictBasis, units: dict[str, str], untestable: Untestable, doubted: bool
 ) -> list[StatedEffect]:
     prepared, finding, best = basis.prepared, basis.finding, basis.finding.best
-    phi = _phi(finding)
+    phi = finding.adequacy_of(best).phi
     return stated_effects(
         basis.forward.scene,
         # What cannot be trusted contradicts no scene either.

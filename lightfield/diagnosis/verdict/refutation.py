@@ -148,7 +148,7 @@ def _judged(problem: Problem, finding: SearchResult, candidate: Candidate) -> Ju
         return problem.fit(whole, whiten, [begun])
 
     free, kept, gone = fitted(changed), fitted(), fitted(_removed(candidate))
-    phi = best.adequacy.phi if best and best.adequacy else finding.level.phi
+    phi = finding.adequacy_of(best).phi
     if finding.size is None:  # what nothing explains must not decide
         phi = max(phi, free.chi2 / max(finding.n - len(free.u), 1))
     far = _sigmas((kept.chi2 - free.chi2) / phi, len(changed.parameters))

@@ -20,16 +20,11 @@ from lightfield.readings import Readings
 _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE, _LITTLE_CHANCE = 1.5, 0.4, 1e-3, 1e-2
 
 
-def _about_the_best(finding: SearchResult) -> Adequacy:
-    """Noise as judged about the best explanation: what an effect explains is no scatter."""
-    best = finding.explaining
-    return finding.level.adequacy if best is None or best.adequacy is None else best.adequacy
-
-
 def variance_scale(prepared: Prepared, finding: SearchResult, about: Adequacy | None = None) -> float:
     """Variance of the readings' errors over the quoted one, as judged about the best explanation, or another
     set."""
-    return prepared.excess * finding.level.bench.phi * (about or _about_the_best(finding)).phi
+    judged = about or finding.adequacy_of(finding.explaining)  # what an effect explains is no scatter
+    return prepared.excess * finding.level.bench.phi * judged.phi
 
 
 def cautions(
@@ -39,7 +34,7 @@ def cautions(
     out = [Caution.of_table(w) for w in readings.warnings]
     if prepared.doubted:
         out.append(Caution(warns=Warns.ERRORS_DOUBTED))
-    scale, nu = variance_scale(prepared, finding), _about_the_best(finding).nu
+    scale, nu = variance_scale(prepared, finding), finding.adequacy_of(finding.explaining).nu
     stated = prepared.errors_stated and not prepared.doubted  # of what was put in their place nobody is asked
     if stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))
