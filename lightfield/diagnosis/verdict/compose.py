@@ -13,6 +13,7 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestab
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival
+from lightfield.diagnosis.verdict import verdict_data
 from lightfield.diagnosis.verdict.advice import where_next
 from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
@@ -39,15 +40,6 @@ from lightfield.diagnosis.verdict.rest.left_over import left_over
 from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
 from lightfield.diagnosis.verdict.trust import Trust, pure_error, set_aside, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
-from lightfield.diagnosis.verdict.verdict_data import (
-    Advised,
-    Explained,
-    HowJudged,
-    LeftOpen,
-    Reached,
-    ReadingsUsed,
-    ThisRun,
-)
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.version import __version__
@@ -220,10 +212,10 @@ def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _Undecided:
     return _Undecided(rival, where_next(prepared, finding, basis.forward, best, other))
 
 
-def _how_judged(basis: VerdictBasis) -> HowJudged:
+def _how_judged(basis: VerdictBasis) -> verdict_data.HowJudged:
     prepared, finding = basis.prepared, basis.finding
     first = finding.levels[0].adequacy
-    return HowJudged(
+    return verdict_data.HowJudged(
         base_p=first.p,
         within_tolerance=finding.level.tolerance > 0,
         tolerance_percent=100 * prepared.noise.budget.tolerance,
@@ -235,9 +227,9 @@ def _how_judged(basis: VerdictBasis) -> HowJudged:
     )
 
 
-def _readings_used(basis: VerdictBasis) -> ReadingsUsed:
+def _readings_used(basis: VerdictBasis) -> verdict_data.ReadingsUsed:
     layout = basis.prepared.problem.layout
-    return ReadingsUsed(
+    return verdict_data.ReadingsUsed(
         outliers=[int(i) for i in np.flatnonzero(basis.trust.aside)],
         saturated=[int(i) for i in np.flatnonzero(basis.readings.saturated)],
         set_aside=set_aside(basis.readings, basis.trust),
@@ -246,11 +238,11 @@ def _readings_used(basis: VerdictBasis) -> ReadingsUsed:
     )
 
 
-def _reached(basis: VerdictBasis, units: dict[str, str]) -> Reached:
+def _reached(basis: VerdictBasis, units: dict[str, str]) -> verdict_data.Reached:
     """Over the explained model, as the error of the last rung is."""
     counted, explained = bright(basis.prepared.problem), basis.steps[-1].fit.prediction
     floor = rms_over(standard_errors(basis.prepared, basis.finding)[counted], explained[counted])
-    return Reached(
+    return verdict_data.Reached(
         ladder=_rungs(basis, units),
         noise_floor_percent=finite(floor),
         noise_percent=basis.trust.noise_percent,
@@ -296,13 +288,13 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
     # By name: of an effect with several forms one may be in the best set, and another not testable.
     named, budget = {one.effect for one in told}, basis.prepared.noise.budget
     parts = (
-        Explained(
+        verdict_data.Explained(
             verdict=kind,
             effects=[c.name for c in best.explanation] if best else [],
             explanations=explanations,
             found=told,
         ),
-        LeftOpen(
+        verdict_data.LeftOpen(
             nearest_rival=rival,
             detection_limits=_limits(finding, units, basis.also),
             hindrances={name: list(why) for name, why in untestable.items() if name not in named},
@@ -313,7 +305,7 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
             reason_to_doubt=doubt,
         ),
         _reached(basis, units),
-        Advised(
+        verdict_data.Advised(
             next_measurement=advice,
             stated=_stated(basis, units, untestable, doubt is not None),
             assumptions=list(budget.assumed),
@@ -325,6 +317,6 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
         ),
         _how_judged(basis),
         used,
-        ThisRun(seed=basis.seed, lightfield_version=__version__),
+        verdict_data.ThisRun(seed=basis.seed, lightfield_version=__version__),
     )
     return Verdict(**{name: value for part in parts for name, value in part})
