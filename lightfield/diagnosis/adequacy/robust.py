@@ -30,7 +30,7 @@ MAX_OUTLIERS = 0.08
 #: From so many readings on every plane's unknowns can be fitted beside all else. Chosen.
 _MANY = 80
 #: One-tailed chance that any good reading of a table is called an outlier: of many readings, and of few,
-#: whose loss costs more. Chosen so that both tails make ALPHA, and a tenth; test_robust.py holds them.
+#: whose loss costs more. Chosen: both tails make ALPHA, and a tenth; test_robust.py holds that it is kept.
 OUTLIER_LEVEL, OUTLIER_LEVEL_FEW = 0.005, 0.0005
 #: Readings this many spreads off are proposed as outliers: by chance one of 370. What is judged one is
 #: farther off.
@@ -73,8 +73,8 @@ _SCALES_TRIED = 40
 #: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
 #: reading. Chosen: the latter is twice `quoted.ASSUMED_FLOOR`.
 _FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
-#: By how much its log likelihood must be larger, and beside how many readings to spare. Chosen, so that right
-#: errors are replaced in one set of ten at most (test_noise.py).
+#: By how much its log likelihood must be larger, and beside how many readings to spare. Chosen: at 0.5 right
+#: errors are replaced in more than one set of ten, at 18 wrong ones stay (test_noise.py).
 _OVERWHELMING, _ENOUGH = 6.0, 20
 #: Errors in proportion to the reading that are tried, from none to the largest that is believed; by how much
 #: the log evidence must grow. Chosen: two standard deviations.

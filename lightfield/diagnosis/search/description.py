@@ -31,7 +31,7 @@ _WORTH = 1.1
 #: A model misses the readings when the nominal p of one of its tests is below this. Chosen: below what some
 #: 25 tests make by chance in one table of a hundred; the description is not yet a finding.
 _MISSED = 1e-4
-#: Pairs are sought beside so many of the best single effects. Chosen: time against thoroughness.
+#: Pairs are sought beside so many of the best singles. Chosen: time; half and twice alike in ten campaigns.
 _SINGLES = 4
 
 

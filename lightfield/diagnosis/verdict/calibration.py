@@ -26,7 +26,8 @@ from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
 
-#: A gain this many standard errors from 1 is not the calibration's. Chosen: one right one of 370 is that far.
+#: A gain this many standard errors from 1 is not the calibration's. Chosen: one right one of 370 is that far;
+#: with half of it more are (test_calibration.py).
 AGREES_SIGMA = 3.0
 EFFECT = "lamp_power"
 

@@ -184,7 +184,8 @@ class Rung(Record):
 
 
 #: A stated size that the search let stand is contradicted only from here on, in sigma: the adequacy test is
-#: the judge. Chosen: noise alone goes there once in 1.7 million.
+#: the judge. Chosen: noise alone goes there once in 1.7 million, to half of it too often
+#: (test_refutation.py).
 CONTRADICTED_SIGMA = 5.0
 
 

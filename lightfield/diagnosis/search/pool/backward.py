@@ -13,7 +13,8 @@ from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool, begin_at, joins, with_effect
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 
-#: Stages that are fitted, of at most so many effects. Chosen: time against thoroughness.
+#: Stages that are fitted, of at most so many effects. Chosen: time; half and twice of it alike in ten
+#: campaigns.
 FITS, _MOST = 4, 8
 #: Keeps the normal equations of templates that are one solvable; makes a wrong sign the first to go. Chosen.
 _RIDGE, _WRONG = 1e-6, 1e3

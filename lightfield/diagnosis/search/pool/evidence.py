@@ -33,9 +33,9 @@ NAMED_GAP, GAP, PLUS_GAP = 6.0, 3.0, 3.0
 #: Where something stays unexplained the gaps must be this many times its chi-square, taken to be no less than
 #: this for each reading. Chosen: factors below 5 gave wrong names.
 PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
-#: Sets that cost no more than this above the best are accepted beside it. Derived: beyond, a set has less
-#: than e^-5 of its weight, against which evidence is called very strong (Kass and Raftery 1995,
-#: doi:10.1080/01621459.1995.10476572).
+#: Sets that cost no more than this above the best are accepted beside it. Derived: beyond, evidence against a
+#: set is called very strong (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572). With half of it one
+#: of ten campaigns is told other alternatives, with twice none.
 FAMILY = 10.0
 #: What stands in for gains of planes: an attenuation that changes along the tank.
 _K_OF_Z = ("attenuation_profile",)
