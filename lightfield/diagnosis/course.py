@@ -181,6 +181,8 @@ def _searched(inquiry: Inquiry, progress: Progress) -> Knowledge:
             known = _with_more_effects(inquiry, known, progress)
         elif finding.size > 0 and prepared.errors_stated:
             known = _unless_more_explain(inquiry, known, progress)
+        if prepared.errors_stated:
+            known = _unless_a_ripple_does(inquiry, known, progress)
         if known.is_settled:
             break
         light = known.prepared.problem.forward.light
@@ -246,27 +248,31 @@ def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress)
     more = _beyond_two(inquiry, known, known.prepared, progress, leaves(_PROMISES))
     many = more.finding.many
     if many is None or many.at_first_sight:
-        return _beside_a_ripple(inquiry, known, scale, progress) or known
+        return known
     if variance_scale(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
         return known
     return more if more.finding.accepted else _beside_unknowns(inquiry, more, progress) or more
 
 
-def _beside_a_ripple(
-    inquiry: Inquiry, known: Knowledge, scale: float, progress: Progress
-) -> Knowledge | None:
-    """What explains the readings beside a ripple of the lamp's power in time that was taken for their noise:
-    one that follows another looks like errors that go together."""
-    prepared, best = known.prepared, known.finding.best
-    if best is None or known.problem.layout.size > MANY:
-        return None
+def _unless_a_ripple_does(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
+    """What passes, or explains the readings beside a ripple of the lamp's power in time.
+
+    It was taken for noise then: one that follows another looks like errors that go together.
+    """
+    prepared, finding = known.prepared, known.finding
+    if finding.size is None or known.problem.layout.size > MANY:
+        return known
+    scale = variance_scale(prepared, finding)
+    if scale < _TOO_SMALL:
+        return known
     problem, sigma = prepared.problem, prepared.noise.sigma
-    off, light = (problem.value - best.fit.prediction) / sigma, best.fit.prediction / sigma
+    fit = finding.level.base if finding.best is None else finding.best.fit
+    off, light = (problem.value - fit.prediction) / sigma, fit.prediction / sigma
     if left_by_a_ripple(problem.layout, off, light, problem.keep) >= _MENDS:
-        return None
+        return known
     beside = _beside_unknowns(inquiry, known, progress)
     if beside is None or variance_scale(beside.prepared, beside.finding) >= _MENDS * scale:
-        return None
+        return known
     return beside
 
 

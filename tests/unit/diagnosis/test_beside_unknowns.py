@@ -140,6 +140,14 @@ def test_a_lamp_that_swings_in_time_is_no_noise() -> None:
     assert abs(size.value - BACKGROUND) < 4 * size.stderr
 
 
+def test_a_lamp_that_swings_in_time_is_not_nothing() -> None:
+    """In twelve minutes, and nothing else is missing: once "none", in errors larger than stated."""
+    table, believed = readings({}, factor=lambda t: 1 + SWING * np.sin(2 * np.pi * t.time_s / 700.0), seed=4)
+    verdict = diagnose(table, believed, diffuse=None, only=FEW, advise=False).verdict
+    assert (verdict.verdict, verdict.best_set, verdict.unexplained_coordinate) == ("unexplained", [], "time")
+    assert verdict.misfit is not None and verdict.misfit.period_s == pytest.approx(700.0, rel=0.02)
+
+
 @pytest.mark.parametrize("serial", [0.0, 0.5])
 def test_noise_leaves_nearly_all_beside_a_ripple(serial: float) -> None:
     """Also such that goes together from reading to reading; a swing of twice the noise leaves a fifth."""
