@@ -231,4 +231,4 @@ class OutputError(LightfieldError):
 
 
 class UsageError(LightfieldError):
-    """A command-line option does not make sense."""
+    """What is asked for does not make sense."""

@@ -129,7 +129,7 @@ def _check_replaceable(target: Path) -> None:
             where=str(target),
             found="a device, a pipe or a link to one",
             rule="a regular file, which is replaced as a whole",
-            remedy="name a file, or leave the option out",
+            remedy="name a file, or none",
         )
 
 
