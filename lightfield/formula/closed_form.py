@@ -165,10 +165,10 @@ def direct_field(
     in_air, scene = air_mask(medium), own_formulas.lit(scene)
     lamp, on_path = scene.lamp, own_formulas.factor(scene, ("path",), x, y, z, wavelength_nm)
     if lamp.radius_m == 0.0:
-        return _point_source(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
+        return light_of_point(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
     total = np.zeros(x.shape)
     for point, share in lamps_of_window(lamp, z):
-        total += share * _point_source(scene, point, x, y, z, wavelength_nm, in_air, time_s)
+        total += share * light_of_point(scene, point, x, y, z, wavelength_nm, in_air, time_s)
     return total * on_path
 
 
@@ -214,16 +214,25 @@ def _rings(count: int) -> list[tuple[float, float, float]]:
     return list(zip(*(column.ravel().tolist() for column in columns), strict=True))
 
 
-def _point_source(
+def light_of_point(
     scene: Scene,
     lamp: Lamp,
     x: Array,
     y: Array,
     z: Array,
-    wavelength_nm: ArrayLike | None,
-    in_air: Array | None,
-    time_s: ArrayLike | None,
+    wavelength_nm: ArrayLike | None = None,
+    in_air: Array | None = None,
+    time_s: ArrayLike | None = None,
 ) -> Array:
+    """`direct_field` of one point of the window, without effects of your own.
+
+    Parameters
+    ----------
+    lamp : Lamp
+        The point; receivers that are aimed look at the lamp of the scene.
+    x, y, z : array, m
+        Receivers, all of one shape.
+    """
     ahead = is_ahead(lamp, z)
     if not ahead.all():
         z = np.where(ahead, z, 1.0 + abs(lamp.apparent_distance_m))

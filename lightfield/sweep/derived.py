@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.formula.closed_form import direct_field, lamps_of_window, optical_depth, rays
+from lightfield.formula.closed_form import lamps_of_window, light_of_point, optical_depth, rays
 from lightfield.formula.own_formulas import factor, lit, on_path
 from lightfield.maps.cells import along_a_side, axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
@@ -106,12 +106,13 @@ def _in_clear_water(
     scene: Scene, grid: Grid, point: Lamp, share: float, wavelength_nm: float | None = None
 ) -> Array:
     """Unattenuated direct light of a point of the window averaged over every cell, (n_planes, n_y, n_x)."""
-    alone = scene.model_copy(update={"lamp": point, "water": Water(), OWN_FIELD: ()})
+    alone = scene.model_copy(update={"water": Water(), OWN_FIELD: ()})
     z, cells = grid.z_m[:, None, None], (grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m)
 
     def field(x: Array, y: Array) -> Array:
         # Own effects speak of the lamp, and not of points of its window.
-        return direct_field(alone, x, y, z) * factor(scene, ("path",), x, y, z, wavelength_nm)
+        at = np.broadcast_arrays(x, y, z)
+        return light_of_point(alone, point, *at) * factor(scene, ("path",), x, y, z, wavelength_nm)
 
     pitch, count = max(grid.pitch_x_m, grid.pitch_y_m), len(grid.x_m) * len(grid.y_m)
     side = along_a_side(scene, float(z.min()), pitch, count)

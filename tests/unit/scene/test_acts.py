@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from perturbed import FIELDS, changed
+from perturbed import FIELDS, changed, scenes_of_every_field
 
 from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.formula.closed_form import lamps_of_window, receiver, source
@@ -39,51 +39,7 @@ WAVELENGTHS = np.array([450.0, 520.0, 650.0])
 
 @pytest.fixture(scope="module")
 def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
-    """Scenes in which, between them, every field counts."""
-    folder = tmp_path_factory.mktemp("tables")
-    for name, row in {"one": "5,0.5", "two": "5,0.7"}.items():
-        (folder / f"beam_{name}.csv").write_text(f"angle_deg,intensity\n0,1\n{row}\n90,0\n")
-        (folder / f"light_{name}.csv").write_text(f"wavelength_nm,power\n400,1\n500,{row[-1]}\n700,1\n")
-        (folder / f"response_{name}.csv").write_text(f"wavelength_nm,response\n400,1\n500,{row[-1]}\n700,1\n")
-        (folder / f"water_{name}.csv").write_text(
-            f"wavelength_nm,absorption_per_m,scattering_per_m\n400,0.1,0.1\n550,0.{row[-1]},0.{row[-1]}\n700,0.1,0.1\n"
-        )
-    everything = Scene.from_dict(
-        {
-            "lamp": {
-                "profile": "two-component", "skirt_fraction": 0.1, "ellipticity": 1.2, "tilt_x_deg": 1.0,
-                "asymmetry_x": 0.1,
-                "shape_exponent": 2.5, "apparent_distance_m": 0.3, "drift_per_hour": 0.1,
-                "radius_m": 0.05, "warmup_fraction": 0.1, "window_index": 1.3,
-            },
-            "water": {
-                "base": "pure", "absorption_per_m": 0.05, "scattering_per_m": 0.1,
-                "chlorophyll_mg_per_m3": 0.5,
-                "cdom_440_per_m": 0.1, "sediment_g_per_m3": 0.2, "absorption_at": [[480, 0.1], [580, 0.2]],
-                "gradient_per_m2": 0.01, "layer_absorption_per_m": 0.1, "hardening_per_m": 0.02,
-                "height_gradient_per_m2": 0.01,
-                "drift_per_m_per_hour": 0.01, "settling_per_m": 0.1,
-            },
-            "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0},
-            "detector": {
-                "width_m": 1.0, "height_m": 0.8, "acceptance_hwhm_deg": 20.0, "saturation": 0.1,
-                "background": 0.1, "cosine_error": 0.1, "tilt_x_deg": 2.0,
-            },
-        }
-    )  # fmt: skip
-    other = everything.with_values(
-        {
-            "lamp.profile": "table", "lamp.intensity_table": str(folder / "beam_one.csv"),
-            "lamp.spectrum": "table", "lamp.spectrum_table": str(folder / "light_one.csv"),
-            "detector.response": "table", "detector.response_table": str(folder / "response_one.csv"),
-            "water.base": "table", "water.table": str(folder / "water_one.csv"),
-            "detector.quantity": "radiance", "detector.acceptance_hwhm_deg": 0.0,
-            "detector.cosine_error": 0.0, "detector.full_angle_deg": 30.0, "detector.saturation": 0.0,
-            "detector.saturation_quadratic": 0.1,
-        }
-    )  # fmt: skip
-    linear = everything.with_values({"detector.saturation": 0.0})
-    return [everything, other, linear]
+    return scenes_of_every_field(tmp_path_factory.mktemp("tables"))
 
 
 #: Readings of one spectrum, the last at twice a wavelength between the others.

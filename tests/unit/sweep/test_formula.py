@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from perturbed import FIELDS, changed, scenes_of_every_field
 
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.response.grid import scene_grid
@@ -68,7 +69,7 @@ def both(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     assert formula is not None
     whole = []
     for low, high in np.array(scene.detector.bands_nm) + scene.detector.wavelength_shift_nm:
-        at = over_band(scene.lamp, low, high)
+        at = over_band(scene.lamp, low, high, scene.detector)
         whole.append([on_cells(closed_form, scene, grid.x_m, grid.y_m, z, at) for z in grid.z_m])
     return formula.bands(scene), np.array(whole)
 
@@ -86,6 +87,27 @@ def test_formula_of_a_sweep_is_that_of_compare_whatever_changes(path: str) -> No
 def test_formula_of_a_sweep_is_that_of_compare_in_other_words(change: dict[str, Any]) -> None:
     sweep, compare = both(EVERYTHING_ON.with_values(change))
     np.testing.assert_allclose(sweep, compare, rtol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def bases(tmp_path_factory: pytest.TempPathFactory) -> list[Scene]:
+    """With tables, and without; cells so small that the narrowest acceptance is the same all over one."""
+    small = {
+        "detector.planes_m": (2.0,), "detector.width_m": 1e-3, "detector.height_m": 1e-3,
+        "detector.pixels": 3, "detector.quantity": "irradiance",
+    }  # fmt: skip
+    return [s.with_values(small) for s in scenes_of_every_field(tmp_path_factory.mktemp("tables"))[:2]]
+
+
+@pytest.mark.parametrize("path", FIELDS)
+def test_formula_of_a_sweep_is_that_of_compare_whatever_field_is_another(
+    path: str, bases: list[Scene]
+) -> None:
+    for scene in bases:
+        other = changed(scene, path)
+        if not other.detector.positions_m:
+            sweep, compare = both(other)
+            np.testing.assert_allclose(sweep, compare, rtol=1e-5)
 
 
 def test_points_of_absorption_are_counted_once() -> None:
