@@ -6,7 +6,7 @@ import hashlib
 import os
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache, wraps
 from typing import Any, BinaryIO, TypeVar
@@ -119,26 +119,35 @@ def _unreadable(where: str, kind: FileKind, error: Exception) -> LightfieldError
     )
 
 
-def kept_by_file(most: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
-    """`functools.lru_cache` of a function of a file (and more); one that was written anew is another.
+def kept_while(
+    most: int, files: Callable[..., Iterable[str]]
+) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+    """`functools.lru_cache` of a function that reads files; where one was written anew its value is another.
 
     Parameters
     ----------
     most : int
         Values that are kept.
+    files : callable
+        Of the function's arguments: the paths that it reads.
     """
 
     def of(function: Callable[..., Value]) -> Callable[..., Value]:
-        kept = lru_cache(most)(lambda _state, *given: function(*given))
+        kept = lru_cache(most)(lambda _states, *given: function(*given))
 
         @wraps(function)
-        def asked(path: str, *given: Any) -> Value:
-            state = os.stat(path)
-            return kept((state.st_mtime_ns, state.st_size), path, *given)
+        def asked(*given: Any) -> Value:
+            states = [(state.st_mtime_ns, state.st_size) for state in map(os.stat, files(*given))]
+            return kept(tuple(states), *given)
 
         return asked
 
     return of
+
+
+def kept_by_file(most: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+    """`kept_while` the file that the first argument names is the same."""
+    return kept_while(most, lambda path, *_: [path])
 
 
 @kept_by_file(64)

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Sequence
-from functools import lru_cache, wraps
 from typing import Any, TypeVar
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import Complaint, RuleError, SceneError
-from lightfield.storage.inputs import TABLE, FileKind, kept_by_file, read_bytes
+from lightfield.storage.inputs import TABLE, FileKind, kept_by_file, kept_while, read_bytes
 
 Value = TypeVar("Value")
 
@@ -53,26 +51,8 @@ def read_rows(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
 
 
 def kept_by_tables(most: int) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
-    """`functools.lru_cache` of a function of parts of a scene; a table that was written anew is another.
-
-    Parameters
-    ----------
-    most : int
-        Values that are kept.
-    """
-
-    def of(function: Callable[..., Value]) -> Callable[..., Value]:
-        kept = lru_cache(most)(lambda _states, *given: function(*given))
-
-        @wraps(function)
-        def asked(*given: Any) -> Value:
-            files = [path for one in given for path in getattr(one, "tables", ())]
-            states = [(state.st_mtime_ns, state.st_size) for state in map(os.stat, files)]
-            return kept(tuple(states), *given)
-
-        return asked
-
-    return of
+    """`kept_while` the tables of the parts of a scene that a function is of are the same."""
+    return kept_while(most, lambda *given: [path for one in given for path in getattr(one, "tables", ())])
 
 
 def column_names(path: str) -> list[str]:

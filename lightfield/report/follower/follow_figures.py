@@ -173,6 +173,17 @@ def _events(axis: Axes, cases: Sequence[Followed]) -> None:
         _events_of(axis, mission)
 
 
+def events_in_words(cases: Sequence[Followed]) -> str:
+    """What the bands and lines over the time are, of those that some mission has."""
+    missions = [one.mission for one in cases]
+    known = {
+        " Grey band: dark.": any(m.dark_for_s > 0 for m in missions),
+        " Green band: the water changes.": any(m.turbid_factor != 1 for m in missions),
+        " Dotted line: a current sets in.": any(m.current_from_s > 0 for m in missions),
+    }
+    return "".join(words for words, shown in known.items() if shown)
+
+
 def _events_of(axis: Axes, mission: Mission) -> None:
     if mission.dark_for_s > 0:
         axis.axvspan(mission.dark_from_s, mission.dark_from_s + mission.dark_for_s, color=MUTED, alpha=0.25)

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from lightfield.report.follower.follow_figures import MOST_ROWS, strip_figure, sweep_figure, way_figure
+from lightfield.report.follower.follow_figures import (
+    MOST_ROWS,
+    events_in_words,
+    strip_figure,
+    sweep_figure,
+    way_figure,
+)
 from lightfield.report.follower.page import light_in_words, page, section
 from lightfield.report.page import Section, Table, page_figure
 from lightfield.scene import Scene
@@ -54,8 +60,7 @@ def following_page(found: Following) -> str:
                 page_figure(
                     "way",
                     f"Thin: each of {count} runs, with noise, gain, water and lamp of its own as far as the "
-                    "scene says that they are not known. Thick: their mean. Grey band: dark; green band: the "
-                    "water changes.",
+                    f"scene says that they are not known. Thick: their mean.{events_in_words(cases)}",
                     "Distance and offset over time",
                     way_figure,
                     cases,

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from lightfield.errors import UsageError
+from lightfield.report.follower.follow_figures import events_in_words
 from lightfield.report.follower.page import arrays_page, survey_page
 from lightfield.report.follower.pose_page import _with_trace, poses_page
 from lightfield.scene import Scene
+from lightfield.scene.follower import Mission
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design.compared import compare_arrays
@@ -81,3 +84,19 @@ def test_a_bias_below_its_error_is_no_bias(bias: float, trace: float, says: str)
 def test_an_error_of_the_trace_is_never_printed_as_none(doubt: float, says: str) -> None:
     """Where nothing was traced there is none to print."""
     assert doubt_in_words(doubt) == says
+
+
+@pytest.mark.parametrize(
+    ("mission", "says"),
+    [
+        ({}, ""),
+        ({"dark_for_s": 3.0}, " Grey band: dark."),
+        (
+            {"turbid_factor": 2.0, "current_from_s": 5.0},
+            " Green band: the water changes. Dotted line: a current sets in.",
+        ),
+    ],
+)
+def test_a_caption_speaks_of_the_bands_that_are_there(mission: dict[str, float], says: str) -> None:
+    case = SimpleNamespace(mission=Mission(**mission))
+    assert events_in_words([case, case]) == says
