@@ -7,11 +7,10 @@ import io
 import os
 import subprocess
 import sys
-from pathlib import Path
+
+from repository import ROOT
 
 from lightfield.cli import main
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def lightfield(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:

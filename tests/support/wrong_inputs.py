@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
 TANK = '[water]\nabsorption_per_m = 0.1\n[tank]\nsurface = "none"\n'
 SWEEP = "sweep scene.toml --dry-run --vary water.absorption_per_m"
 FIVE = "4.5,1\n5.5,0.6\n6.5,0.4\n7.5,0.3\n8.5,0.2\n"
