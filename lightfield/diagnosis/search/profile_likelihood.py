@@ -16,7 +16,7 @@ from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import Model
 
 #: Points of a profile over the range of a shape, steps of a fit at each, what they may leave of chi-square.
-#: Chosen: time against thoroughness (test_profile.py).
+#: Chosen: time against thoroughness (test_profile_likelihood.py).
 _POINTS, _STEPS, _LEFT = 9, 15, 1e-2
 #: Steps from every point of a grid before the best is fitted to the end. Chosen: time against thoroughness.
 ROUGH_STEPS = 4
