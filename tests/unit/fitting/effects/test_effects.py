@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from importlib.metadata import EntryPoint
-from pathlib import Path
 
 import numpy as np
 import pytest
+from repository import ROOT
 
 from lightfield.diagnosis.problem.candidates import Setting
 from lightfield.diagnosis.problem.layout import layout_of
@@ -21,7 +21,7 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import acts_on
 from lightfield.scene.lamp.profile import radial_intensity
 
-TABLE = Path(__file__).parents[3] / "scenes" / "dive_lamp" / "true_lamp.csv"
+TABLE = ROOT / "scenes" / "dive_lamp" / "true_lamp.csv"
 
 WITH_TANK = Scene.from_dict({"tank": {}})
 REQUIRED = set(
