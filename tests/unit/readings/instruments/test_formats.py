@@ -26,6 +26,7 @@ from instrument_files import (
     spanish,
     written,
 )
+from repository import ROOT
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.importing.importer import import_index
@@ -34,7 +35,7 @@ from lightfield.readings.instruments.hyperocr import read as read_frames
 from lightfield.readings.instruments.oceanoptics.procspec import read as read_procspec
 from lightfield.readings.instruments.oddity import Odd, Oddity
 
-FRAME = Path(__file__).parents[2] / "data" / "instruments" / "satlantic_frame.hex"
+FRAME = ROOT / "tests" / "data" / "instruments" / "satlantic_frame.hex"
 
 
 def is_truth(spectrum) -> None:
@@ -285,7 +286,7 @@ def test_what_cannot_be_read_is_refused_with_what_it_seems_to_be(tmp_path, name)
 
 
 def test_the_page_of_formats_names_every_reader():
-    page = (Path(__file__).parents[3] / "docs" / "formats.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     for reader in (*READERS, *BINARY):
         assert f"`{reader.__name__.split('instruments.')[1].replace('.', '/')}`" in page, reader.__name__
 
@@ -294,7 +295,7 @@ def test_the_page_of_formats_names_every_reader():
 
 
 def test_no_reader_is_left_out_of_the_damage(tmp_path):
-    """What tests of damaged files begin with, here and in `test_import_damaged`: every reader has some."""
+    """What tests of damaged files begin with, here and in `test_damaged`: every reader has some."""
     whole = [
         *(make() for make in TEXTS.values()), procspec(), PAR,
         *("\n".join(lines()) + "\n" for lines, _ in ocean_files.FORMATS.values()),
