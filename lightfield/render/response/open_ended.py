@@ -22,7 +22,7 @@ from scipy.special import gammainc
 from lightfield.arrays import Array
 
 #: Factor from one length to the next at which the chances are worked out; between them the logarithm of their
-#: quotient is taken to be straight, right to 0.3 % at worst (tests/unit/render/test_open_ended.py).
+#: quotient is taken to be straight, right to 0.3 % at worst (tests/unit/render/response/test_open_ended.py).
 STEP = 1.05
 #: Lines shorter than this, m, or than this part of the longest are taken to be as long: on them nothing is
 #: scattered often.
