@@ -17,7 +17,7 @@ from lightfield.scene.lamp.spectrum import knots_nm, spectral_power
 from lightfield.storage.files import atomic_path
 
 #: Even steps up to the last angle that counts, then ever larger ones to the side: linear between them, a beam
-#: is right to 1e-4 of its axis (test_tabulated.py).
+#: is right to 1e-3 of its axis (test_curve.py).
 EVEN, LARGER = 401, 100
 #: Wavelengths of a scene, and steps of a table of power: a black body is right to 1e-3 (test_more_curves.py).
 FIRST_NM, LAST_NM, STEP_NM = 200.0, 2000.0, 5.0
