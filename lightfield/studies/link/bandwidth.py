@@ -24,7 +24,7 @@ LIGHT_M_PER_S = 299792458.0
 #: `water.molecular.refractive_index`).
 GROUP_INDEX = 1.36
 #: Steps in which paths are tallied: at an excess of a centimetre a step is a quarter of it, which leaves 1 %
-#: of the bandwidth (tests/unit/studies/test_link_bandwidth.py). Odd: every second one makes a tally too.
+#: of the bandwidth (tests/unit/studies/link/test_bandwidth.py). Odd: every second one makes a tally too.
 PATH_NODES = 201
 #: Electrical bandwidth: where the impulse response has lost half of its electrical power.
 HALF_POWER = np.sqrt(0.5)

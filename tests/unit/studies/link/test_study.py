@@ -270,7 +270,7 @@ def test_docking_reaches_as_far_as_the_pose_is_known(clear) -> None:
     """One definition: where `range` has it in that water.
 
     By size of the light alone it would end at (0.05^2 + (0.2 c z)^2)^(1/2) / (2 / z + c) = 0.3 m; the width
-    of the beam tells some of the distance, too. Its own closed forms: test_working_range.
+    of the beam tells some of the distance, too. Its own closed forms: working_range/test_study.
     """
     for name, c in (("c = 0.1", 0.1), ("c = 0.35", 0.35)):
         by_size = brentq(lambda z, c=c: np.hypot(0.05, 0.2 * c * z) / (2 / z + c) - 0.3, 2, 20)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import control
 import numpy as np
 import pytest
+from repository import ROOT
 
 from lightfield.studies.following.control import (
     ALIKE_PUSH,
@@ -21,7 +21,7 @@ from lightfield.studies.following.control import (
 )
 from lightfield.studies.following.vehicle import BENCHMARK, HEAVY, STEERED, VEHICLES, Vehicle, attitude
 
-DATA = Path(__file__).resolve().parents[2] / "data" / "remus100.csv"
+DATA = ROOT / "tests" / "data" / "remus100.csv"
 #: Remus 100: a spheroid of 1.6 m and 0.19 m in water of 1026 kg/m^3; mass and added mass in closed form.
 LONG, WIDE, DENSITY = 0.8, 0.095, 1026.0
 MASS = 4 / 3 * np.pi * DENSITY * LONG * WIDE**2
