@@ -14,7 +14,10 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2] / "lightfield"
 MODULES, TESTS = (sorted(folder.rglob("*.py")) for folder in (PACKAGE, PACKAGE.parent / "tests"))
-LONGEST, MOST = 400, 14
+UNIT, SUPPORT = (PACKAGE.parent / "tests" / name for name in ("unit", "support"))
+TOP, LONGEST, MOST = "lightfield", 400, 14
+#: Folders of tests/unit of which the package has none: what they test lies beside it.
+BESIDE = {"benchmarks"}
 #: Libraries that only one room may import, the others must do without.
 OWNED = {
     "mitsuba": "render",
@@ -46,6 +49,72 @@ def test_a_folder_can_be_taken_in_at_a_glance() -> None:
     beside = Counter(module.parent for module in MODULES if module.name != "__init__.py")
     beside.pop(PACKAGE / "commands")  # one module per sub-command
     assert max(beside.values()) <= MOST, beside.most_common(1)
+
+
+def test_tests_lie_as_what_they_test() -> None:
+    """A folder of tests has a twin in the package, and every folder that holds code a twin with tests."""
+    rooms = {m.parent.relative_to(PACKAGE) for m in MODULES if m.name != "__init__.py"}
+    lying = {m.parent.relative_to(UNIT) for m in UNIT.rglob("test_*.py")}
+    assert {place.as_posix() for place in lying - rooms} == BESIDE
+    assert {place.as_posix() for place in rooms - lying} == set()
+    beside = Counter(module.parent for module in UNIT.rglob("*.py"))
+    assert max(beside.values()) <= MOST, beside.most_common(1)
+
+
+def test_a_test_lies_where_what_it_asks_lies() -> None:
+    """It imports from there, if only by a module of `tests/support`, and not from one folder below alone.
+
+    One that has a module's name may ask it by the whole of its room.
+    """
+    away = []
+    for module in UNIT.rglob("test_*.py"):
+        place = module.relative_to(UNIT).parent
+        if place.parts and place.as_posix() not in BESIDE:
+            named = (PACKAGE / place / module.name.removeprefix("test_")).is_file()
+            room = place.parts[:1] if named else place.parts
+            at = len(room) + 1
+            within = {(*name, "__init__")[at] for name in asked(module) if name[:at] == (TOP, *room)}
+            deeper = not named and all((PACKAGE / place / name).is_dir() for name in within)
+            if not within or (deeper and len(within) == 1):
+                away.append(module.relative_to(UNIT).as_posix())
+    assert away == []
+
+
+def test_what_a_test_asks_is_found_by_its_imports() -> None:
+    """Also where a package hands a name on, and where a module of `tests/support` has it."""
+    tables, effects = UNIT / "readings" / "table", UNIT / "fitting" / "effects"
+    assert (TOP, "readings", "table", "read", "read_table") in asked(tables / "test_damaged.py")
+    assert (TOP, "fitting", "effects", "local", "local_unknowns") in asked(effects / "test_shadows.py")
+    assert {name[1] for name in asked(UNIT / "test_memory.py") if name[0] == TOP} == {"memory"}
+
+
+@cache
+def asked(module: Path) -> frozenset[tuple[str, ...]]:
+    """Names that a test, or what it has of `tests/support`, imports: taken apart, by where they are from."""
+    found: set[str] = set()
+    for node in ast.walk(tree(module)):
+        if isinstance(node, ast.Import):
+            found |= {f"{TOP}.api.{TOP}" if alias.name == TOP else alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found |= {_home(f"{node.module}.{alias.name}") for alias in node.names}
+    apart = {tuple(name.split(".")) for name in found}
+    support = {SUPPORT / f"{name[0]}.py" for name in apart}
+    return frozenset(apart).union(*(asked(module) for module in support if module.is_file()))
+
+
+@cache
+def _home(name: str) -> str:
+    """Where a name is from that a package of this house hands on."""
+    package, _, last = name.rpartition(".")
+    if _file(name) is not None or (file := _file(package)) is None:
+        return name
+    handed = {
+        alias.asname or alias.name: f"{node.module}.{alias.name}"
+        for node in tree(file).body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    return _home(handed[last]) if last in handed else name
 
 
 def test_what_lies_in_a_room_is_named_in_the_description_of_the_house() -> None:
