@@ -12,8 +12,8 @@ from lightfield.api.given import AnyPath, checked, diffuse_source, names_in, rea
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result, ToldByDetails
 from lightfield.diagnosis import diagnose as diagnosing
+from lightfield.diagnosis import expected
 from lightfield.diagnosis import plan as planning
-from lightfield.diagnosis.expected import Together as Certainty
 from lightfield.diagnosis.search.cascade import ALPHA
 from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA
 from lightfield.diagnosis.together import together
@@ -225,7 +225,7 @@ class Plan(Result[planning.LayoutPlan]):
         return result_page(self, "What the layout can tell")
 
 
-class Together(ToldByDetails[Certainty]):
+class Together(ToldByDetails[expected.Together]):
     """Which of several effects that act at once a layout would make certain."""
 
     @property

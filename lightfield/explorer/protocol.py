@@ -25,8 +25,8 @@ MOST_BYTES, MOST_FILE_BYTES = 100_000, 10_000_000
 #: Numbers that are set at once, files that are dropped at once.
 _MOST_VALUES, _MOST_FILES = 100, 200
 
-Number = Annotated[float, Field(strict=True, ge=-1e12, le=1e12, allow_inf_nan=False)]
-Key = Annotated[str, Field(max_length=120)]
+SentNumber = Annotated[float, Field(strict=True, ge=-1e12, le=1e12, allow_inf_nan=False)]
+EffectOrPath = Annotated[str, Field(max_length=120)]
 Title = Annotated[str, Field(min_length=1, max_length=60)]
 
 
@@ -47,7 +47,7 @@ class Set(_Request):
     """Set parameters; `done` when the hand has left the slider."""
 
     do: Literal["set"]
-    values: Annotated[dict[Key, Number], Field(max_length=_MOST_VALUES)]
+    values: Annotated[dict[EffectOrPath, SentNumber], Field(max_length=_MOST_VALUES)]
     done: bool = False
 
 
@@ -55,7 +55,7 @@ class Switch(_Request):
     """Switch an effect on or off, or to another form."""
 
     do: Literal["switch"]
-    effect: Key
+    effect: EffectOrPath
     on: bool
 
 
@@ -84,9 +84,9 @@ class OwnNumber(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     name: Name
-    low: Number
-    high: Number
-    neutral: Number | None = None
+    low: SentNumber
+    high: SentNumber
+    neutral: SentNumber | None = None
     unit: Annotated[str, Field(max_length=20)] = "1"
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.formula.scattered.quadrature import Nodes, finest_rad, interval
+from lightfield.formula.scattered.quadrature import Quadrature, finest_rad, interval
 from lightfield.scene import Detector, Lamp, Scene
 from lightfield.scene.lamp.frame import narrowest_section
 from lightfield.scene.receiver import half_view_rad
@@ -24,16 +24,16 @@ _PER_WIDTH, _OF_DISTANCE = 1.15, 0.5
 _MOST_POINTS = 4_000_000
 
 
-def _gauss(n: int) -> Nodes:
+def _gauss(n: int) -> Quadrature:
     """Gauss-Legendre nodes from -1/2 to 1/2 and their shares."""
     at, share = interval(n)
-    return Nodes(at - 0.5, share)
+    return Quadrature(at - 0.5, share)
 
 
 SMOOTH = _gauss(_SMOOTH)
 
 
-def along_a_side(scene: Scene, z_m: float, pitch_m: float, cells: int) -> Nodes:
+def along_a_side(scene: Scene, z_m: float, pitch_m: float, cells: int) -> Quadrature:
     """Places along a side of a cell, from -1/2 to 1/2, that tell the mean of direct light on a plane.
 
     Parameters
@@ -55,7 +55,7 @@ def along_a_side(scene: Scene, z_m: float, pitch_m: float, cells: int) -> Nodes:
     if edge <= _SMOOTH:
         return _gauss(smooth)
     n = max(min(edge, _MOST), smooth)
-    return Nodes((np.arange(n) + 0.5) / n - 0.5, np.full(n, 1.0 / n))
+    return Quadrature((np.arange(n) + 0.5) / n - 0.5, np.full(n, 1.0 / n))
 
 
 def _finest_m(lamp: Lamp, z_m: float) -> float:
@@ -79,7 +79,7 @@ def cell_mean(
     y_m: Array,
     pitch_x_m: float,
     pitch_y_m: float,
-    side: Nodes = SMOOTH,
+    side: Quadrature = SMOOTH,
 ) -> Array:
     """A field averaged over every cell of a plane.
 
@@ -91,7 +91,7 @@ def cell_mean(
         Centres of the cells.
     pitch_x_m, pitch_y_m : float, m
         Their size.
-    side : Nodes
+    side : Quadrature
         Places along each side, see `along_a_side`.
 
     Returns

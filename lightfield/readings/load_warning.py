@@ -10,7 +10,7 @@ from lightfield.errors import line_ranges
 
 #: Names that a warning lists; of more it says how many.
 SHOWN = 5
-Value = int | float | str | None | tuple[int | float | str, ...]
+Remarked = int | float | str | None | tuple[int | float | str, ...]
 
 
 class Remarks(str, Enum):
@@ -64,7 +64,7 @@ class LoadWarning:
     """
 
     code: Remarks
-    values: Mapping[str, Value] = field(default_factory=dict)
+    values: Mapping[str, Remarked] = field(default_factory=dict)
 
     @property
     def sentence(self) -> str:
@@ -91,11 +91,11 @@ def _listed(names: Sequence[object]) -> str:
     return shown if len(names) <= SHOWN else f"{shown} and {len(names) - SHOWN} more"
 
 
-def _several(value: Value) -> tuple[int | float | str, ...]:
+def _several(value: Remarked) -> tuple[int | float | str, ...]:
     return value if isinstance(value, tuple) else ()
 
 
-def _few_planes(said: Mapping[str, Value]) -> str:
+def _few_planes(said: Mapping[str, Remarked]) -> str:
     planes = said["planes"]
     return (
         f"only {planes} distance{'' if planes == 1 else 's'} along the tank: the fall with distance "
@@ -103,27 +103,27 @@ def _few_planes(said: Mapping[str, Value]) -> str:
     )
 
 
-def _exposure(said: Mapping[str, Value]) -> str:
+def _exposure(said: Mapping[str, Remarked]) -> str:
     exposure_s, alike = said["exposure_s"], "dark signal and ambient light look alike"
     if exposure_s is None:
         return f"no integration times are given: {alike}"
     return f"the integration time is {exposure_s:g} s throughout: {alike}"
 
 
-def _vary_exposure(said: Mapping[str, Value]) -> str:
+def _vary_exposure(said: Mapping[str, Remarked]) -> str:
     if said["exposure_s"] is None:
         return "give integration_time_s, and vary it"
     return "vary it, or read with the detector capped"
 
 
-def _no_budget(said: Mapping[str, Value]) -> str:
+def _no_budget(said: Mapping[str, Remarked]) -> str:
     return (
         f"the error budget does not say {' and '.join(map(str, _several(said['terms'])))}: values will be "
         "assumed, the gain estimated where a position is read in three visits"
     )
 
 
-def _flat_top(said: Mapping[str, Value]) -> str:
+def _flat_top(said: Mapping[str, Remarked]) -> str:
     levels = ", ".join(f"{level:g}" for level in _several(said["levels"])[:SHOWN])
     return f"saturation: a flat top at {levels} in {_listed(_several(said['files']))}: its bands are marked"
 
@@ -136,24 +136,24 @@ _CORRECTION = {
 }
 
 
-def _nonlinearity(said: Mapping[str, Value]) -> str:
+def _nonlinearity(said: Mapping[str, Remarked]) -> str:
     how = _CORRECTION[str(said["corrected"])]
     return f"the non-linearity correction {how}: strong readings may be low"
 
 
-def _restless(said: Mapping[str, Value]) -> str:
+def _restless(said: Mapping[str, Remarked]) -> str:
     rows = line_ranges([int(row) for row in _several(said["readings"])])
     return f"repeats of readings {rows} scatter far more than those elsewhere: a wild spectrum is averaged in"
 
 
-def _single(said: Mapping[str, Value]) -> str:
+def _single(said: Mapping[str, Remarked]) -> str:
     single, equal = ([int(row) for row in _several(said[name])] for name in ("single", "equal"))
     parts = [f"readings {line_ranges(single)} come from single spectra"] if single else []
     parts += [f"readings {line_ranges(equal)} from identical ones"] if equal else []
     return f"{' and '.join(parts)}: no standard error (the scatter of pixels does not show lamp and position)"
 
 
-_Words = str | Callable[[Mapping[str, Value]], str]
+_Words = str | Callable[[Mapping[str, Remarked]], str]
 _SENTENCES: dict[Remarks, _Words] = {
     Remarks.SATURATED: "{saturated} of {readings} readings are saturated and left out",
     Remarks.FAR_PLACES: "{name} reaches {far_m:g} m, where light of a lamp is hardly read: it looks like "

@@ -17,7 +17,7 @@ _FARTHEST, LARGEST = 1e12, 20.0
 Coordinate = Annotated[float, Field(strict=True, ge=-_FARTHEST, le=_FARTHEST)]
 Departure = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
 #: What is added to readings has their unit, whichever it is.
-Shown = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
+ReadingDeparture = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 
 
 def _rising(nodes: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
@@ -30,7 +30,7 @@ def _rising(nodes: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float]
 
 #: Coordinate and value of every node; no nodes stand for no departure at all.
 Curve = Annotated[tuple[tuple[Coordinate, Departure], ...], AfterValidator(_rising)]
-ShownCurve = Annotated[tuple[tuple[Coordinate, Shown], ...], AfterValidator(_rising)]
+ShownCurve = Annotated[tuple[tuple[Coordinate, ReadingDeparture], ...], AfterValidator(_rising)]
 Nodes = tuple[tuple[float, float], ...]
 
 

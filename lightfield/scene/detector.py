@@ -12,7 +12,7 @@ from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
 from lightfield.scene.curve import Curve, ShownCurve
 from lightfield.scene.parameters import Nanometres, Part, TablePath, declare, number
-from lightfield.scene.spectral.detector_response import COLUMNS, Response
+from lightfield.scene.spectral.detector_response import COLUMNS, DetectorResponse
 from lightfield.scene.spectral.peaks import Peak, way_written
 from lightfield.storage.tables import read_columns, readable
 
@@ -143,9 +143,9 @@ class Detector(Part):
         return tuple((low + shift, high + shift) for low, high in self.bands_nm)
 
     @property
-    def spectral_response(self) -> Response:
+    def spectral_response(self) -> DetectorResponse:
         """What its response makes of light over wavelength."""
-        return Response(self.response, self.response_table)
+        return DetectorResponse(self.response, self.response_table)
 
     @model_validator(mode="after")
     def _places_and_bands(self) -> Detector:

@@ -22,7 +22,7 @@ OPENS_THE_TOP = "tank.surface_reflectance"
 STEEPEST_DEG = 15.0
 
 #: First and last x, y and z, m.
-Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+Extent = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class Tank(Part):
@@ -117,7 +117,7 @@ class Tank(Part):
         return min(-left, right), min(-low, high)
 
     @property
-    def box_m(self) -> Box:
+    def box_m(self) -> Extent:
         """First and last x, y and z of the water, as seen from the lamp's window."""
         half, back = 0.5 * self.width_m, self.behind_lamp_m
         return (
@@ -127,6 +127,6 @@ class Tank(Part):
         )
 
 
-def walls_m(tank: Tank | None) -> Box:
+def walls_m(tank: Tank | None) -> Extent:
     """`Tank.box_m`; open water has no end."""
     return ((-inf, inf), (-inf, inf), (-inf, inf)) if tank is None else tank.box_m

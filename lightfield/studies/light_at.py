@@ -18,7 +18,7 @@ from lightfield.scene.bands import over_first_band, refuse_unlit
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import scattering_per_m
 
-Places = tuple[Array, Array, Array]
+Points = tuple[Array, Array, Array]
 #: Farthest distance that is asked about, m: in the clearest water e^-20 of the light is left there.
 FARTHEST_M = 1000.0
 #: Of the lamp's light: less cannot be squared, and is told from nothing by no detector.
@@ -57,7 +57,7 @@ class LightAt:
 
 
 def diffuse_response_at(
-    trace: DiffuseSource, scene: Scene, places: tuple[Array, Array, Array], largest_b: float
+    trace: DiffuseSource, scene: Scene, places: Points, largest_b: float
 ) -> TracedDiffuse:
     """The response of the diffuse light at places, in water that scatters up to so much.
 

@@ -30,7 +30,7 @@ _ONE_WAY_M, _MOST_PARTS = 0.03, 1_000_000
 
 
 @dataclass(frozen=True)
-class Formula:
+class GridFormula:
     """The closed-form model on a grid, for any water: geometry once, attenuation per case.
 
     Parameters
@@ -47,7 +47,7 @@ class Formula:
     finer: Grid
 
     @classmethod
-    def of(cls, scene: Scene, grid: Grid) -> Formula | None:
+    def of(cls, scene: Scene, grid: Grid) -> GridFormula | None:
         """The formula of a scene's lamp, detector and own effects; None for a pencil beam, which has none.
 
         Raises

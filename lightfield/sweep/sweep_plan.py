@@ -33,7 +33,7 @@ MOST_CASES = 2_000_000
 _SEEDS = 4_000_000  # more than there can be traces; the tracer's seed * 1009 + batch stays below 2**32
 _COMPOUND_ACTS = Acts.ABSORPTION | Acts.SCATTERING
 
-Told = tuple[tuple[str, Any], ...]  # values by path
+Changes = tuple[tuple[str, Any], ...]  # values by path
 
 
 @dataclass(frozen=True)
@@ -214,13 +214,13 @@ def _combination(cases: Cases, axes: Sequence[int]) -> np.ndarray:
     return of_case.ravel()
 
 
-def _transport(cases: Cases) -> dict[int, list[Told]]:
+def _transport(cases: Cases) -> dict[int, list[Changes]]:
     """Axes along which light must be traced anew, and in what every step of them differs from the scene."""
     told = {i: _told(cases, cases.axes[i]) for i in _axes_on(cases, TRACED | Acts.PLACES)}
     return {i: steps for i, steps in told.items() if len(set(steps)) > 1}
 
 
-def _told(cases: Cases, axis: Axis) -> list[Told]:
+def _told(cases: Cases, axis: Axis) -> list[Changes]:
     """In what a trace of every step differs from one of the scene as it is."""
     values = {path: v for path, v in axis.values.items() if _acts(cases, path) & (TRACED | Acts.PLACES)}
     if all(isinstance(v, int | float) and not isinstance(v, bool) for vs in values.values() for v in vs):
@@ -299,7 +299,7 @@ def why_impossible(cases: Cases, number: int) -> str:
 def _traces(
     cases: Cases,
     settings: SweepSettings,
-    transport: dict[int, list[Told]],
+    transport: dict[int, list[Changes]],
     far_m: np.ndarray,
     waters: np.ndarray,
     problems: dict[int, str],
@@ -327,7 +327,7 @@ def _traces(
     return tuple(traces), trace_of_case
 
 
-def _alike(cases: Cases, transport: dict[int, list[Told]]) -> np.ndarray:
+def _alike(cases: Cases, transport: dict[int, list[Changes]]) -> np.ndarray:
     """Equal numbers for cases that one reference water serves, ascending from the first case; (n_cases,)."""
     of_case = np.zeros(cases.shape, int)
     for i, told in transport.items():

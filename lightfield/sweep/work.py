@@ -33,7 +33,7 @@ from lightfield.scene.water.coefficients import coefficients_in, is_grey
 from lightfield.storage.tables import kept_by_tables
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
-from lightfield.sweep.derived import Formula, derive
+from lightfield.sweep.derived import GridFormula, derive
 from lightfield.sweep.schema import derived_variables, quantity_of
 from lightfield.sweep.sharing import Trace
 from lightfield.sweep.store import trace_file
@@ -305,14 +305,16 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
 
 def _formula(scene: Scene) -> np.ndarray | None:
     """Maps of the formula, shape (n_bands, n_planes, n_y, n_x); None where it has none."""
-    formula = Formula.of(scene, scene_grid(scene)) if on_path(scene) else _geometry(only(scene, _GEOMETRY))
+    formula = (
+        GridFormula.of(scene, scene_grid(scene)) if on_path(scene) else _geometry(only(scene, _GEOMETRY))
+    )
     return None if formula is None else formula.bands(scene)
 
 
 @kept_by_tables(4)
-def _geometry(scene: Scene) -> Formula | None:
+def _geometry(scene: Scene) -> GridFormula | None:
     """Geometry of the formula in a scene of lamp, tank and detector alone, remembered for the next case."""
-    return Formula.of(scene, scene_grid(scene))
+    return GridFormula.of(scene, scene_grid(scene))
 
 
 # -- responses on disk -------------------------------------------------------------------------------

@@ -168,16 +168,36 @@ PROMISED = {
 }
 
 
-def test_a_class_name_means_one_thing() -> None:
-    """An answer of the api may have the name of what it holds; no other two modules share one."""
+def test_a_type_name_means_one_thing() -> None:
+    """Of a class or of an alias. An answer of the api may have the name of what it holds, and what stands for
+    any type may be called alike in two modules; no other two share one."""
     homes: dict[str, list[str]] = {}
     for module in MODULES:
         place = module.relative_to(PACKAGE).as_posix()
-        for node in tree(module).body:
-            if isinstance(node, ast.ClassDef) and not holds_its_namesake(module, node):
-                homes.setdefault(node.name, []).append(place)
-    beside = {name: [p for p in places if PROMISED.get(name) != p] for name, places in homes.items()}
+        for name, node in types(module):
+            if not (isinstance(node, ast.ClassDef) and holds_its_namesake(module, node)):
+                homes.setdefault(name, []).append("any type" if stands_for_any(node) else place)
+    beside = {name: {p for p in places if PROMISED.get(name) != p} for name, places in homes.items()}
     assert {name: homes[name] for name, places in beside.items() if len(places) > 1} == {}
+    assert {"Array", "Result", "Curve", "Remarked", "Made"} <= homes.keys(), "a class, aliases, a variable"
+
+
+def types(module: Path) -> Iterator[tuple[str, ast.stmt]]:
+    """Classes, and names that are written like them and assigned, as aliases are; on top of a module."""
+    for node in tree(module).body:
+        if isinstance(node, ast.ClassDef):
+            yield node.name, node
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        targets = [node.target] if isinstance(node, ast.AnnAssign) else targets
+        for target in targets:
+            if isinstance(target, ast.Name) and re.match(r"_?[A-Z]\w*[a-z]", target.id):
+                yield target.id, node
+
+
+def stands_for_any(node: ast.stmt) -> bool:
+    """Is it a type variable, or that of parameters?"""
+    made = node.value if isinstance(node, ast.Assign) else None
+    return isinstance(made, ast.Call) and ast.unparse(made.func) in ("TypeVar", "ParamSpec")
 
 
 def holds_its_namesake(module: Path, node: ast.ClassDef) -> bool:

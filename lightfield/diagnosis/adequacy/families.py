@@ -34,7 +34,7 @@ _LEAST = 1e-12
 
 
 @dataclass(frozen=True)
-class Coordinate:
+class FreeFactor:
     """How well a free factor that depends on one coordinate alone describes the readings.
 
     Parameters
@@ -164,7 +164,7 @@ def _factor_fit(problem: Problem, whiten: Whiten, base: Fit, basis: Array) -> tu
     return best[0], unit.shape[1], best[1]
 
 
-def free_factors(problem: Problem, whiten: Whiten, base: Fit, phi: float) -> list[Coordinate]:
+def free_factors(problem: Problem, whiten: Whiten, base: Fit, phi: float) -> list[FreeFactor]:
     """Families of free factors, best first.
 
     Parameters
@@ -176,14 +176,14 @@ def free_factors(problem: Problem, whiten: Whiten, base: Fit, phi: float) -> lis
     """
     n = int(problem.keep.sum())
     noise = phi * (n - len(base.u))
-    out: list[Coordinate] = []
+    out: list[FreeFactor] = []
 
     def tell(
         name: str, chi2: float, terms: int, worst_at: float, period: float | None = None, at_one: bool = False
     ) -> None:
         explained = float((base.chi2 - chi2 - phi * terms) / max(base.chi2 - noise, _LEAST))
         score = chi2 / phi + terms * np.log(n)
-        out.append(Coordinate(name, score, terms, explained, worst_at, period, at_one))
+        out.append(FreeFactor(name, score, terms, explained, worst_at, period, at_one))
 
     families = [(name, *span, None) for name, span in _spans(problem.layout, base.prediction).items()]
     for name, basis, coordinate, period in [*families, *_ripple(problem, whiten, base)]:

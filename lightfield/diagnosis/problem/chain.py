@@ -21,7 +21,7 @@ from scipy.linalg.lapack import dtrtri
 from lightfield.arrays import Array
 from lightfield.decompositions import eigen
 
-Rows = NDArray[np.int_]
+RowNumbers = NDArray[np.int_]
 
 #: Rows among which the next columns of a factor of low rank are chosen: it has no more of them than among
 #: 1500, in half the time.
@@ -49,17 +49,17 @@ class ChainBlock:
     own: Array
     out: Array
     into: Array
-    source: Rows
+    source: RowNumbers
     decay: Array
 
     @cached_property
-    def _kept(self) -> Rows | None:
+    def _kept(self) -> RowNumbers | None:
         """What decays of a state whose numbers stay in place."""
         same = len(self.source) == self.out.shape[1] and (self.source == np.arange(len(self.source))).all()
         return np.flatnonzero(self.decay != 1) if same else None
 
     @cached_property
-    def _taken(self) -> tuple[Rows, Array]:
+    def _taken(self) -> tuple[RowNumbers, Array]:
         there = self.source >= 0
         return np.where(there, self.source, 0), np.where(there, self.decay, 0.0)[:, None]
 
@@ -142,7 +142,7 @@ class ChainFactor:
         return out
 
 
-def low_rank(between: Callable[[Rows, Rows], Array], variance: Array, tolerance: float) -> Array:
+def low_rank(between: Callable[[RowNumbers, RowNumbers], Array], variance: Array, tolerance: float) -> Array:
     """Columns U with U U^T near a covariance: no variance differs by more than a tolerance, shape (n, rank).
 
     Cholesky decomposition with pivots, which are looked for among some rows at a time, the more likely the

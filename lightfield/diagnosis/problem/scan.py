@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.chain import ChainBlock
+from lightfield.diagnosis.problem.chain import ChainBlock, RowNumbers
 from lightfield.diagnosis.problem.noise import Noise
-
-Rows = NDArray[np.int_]
 
 
 def links_of(
-    noise: Noise, rho: float, phi: float, tolerance: float, order: Rows, size: int
+    noise: Noise, rho: float, phi: float, tolerance: float, order: RowNumbers, size: int
 ) -> Iterator[ChainBlock]:
     """Blocks of readings that follow each other in the scan.
 
@@ -46,7 +43,7 @@ def links_of(
         np.minimum.at(first, label[label >= 0], block[label >= 0])
         np.maximum.at(last, label[label >= 0], block[label >= 0])
 
-    def columns(rows: Rows, lag: Array, still: Rows) -> Array:
+    def columns(rows: RowNumbers, lag: Array, still: RowNumbers) -> Array:
         remembered = np.where(lay.channel[rows][:, None] == channels, rho ** lag[:, None], 0.0)
         shared = np.zeros((len(rows), len(still)))
         for label, amount in at_once:

@@ -19,7 +19,7 @@ from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared
 from lightfield.diagnosis.search.search_progress import Progress
-from lightfield.diagnosis.search.set_of_effects import FittedSet, Key, ScoredSet, weights
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, SetKey, weights
 
 #: Accepted sets that are tested and told, and sets that came near them. Chosen: words and time alone.
 _ACCEPTED, _NEAR = 8, 12
@@ -77,7 +77,7 @@ def _tried(pool: Pool, node: FittedSet, bench: Bench) -> ScoredSet:
 
 def _family(many: Many, alpha: float) -> list[ScoredSet]:
     """Other sets that are accepted beside the best, best first."""
-    out: dict[Key, ScoredSet] = {}
+    out: dict[SetKey, ScoredSet] = {}
 
     def passes(node: FittedSet) -> bool:
         tested = replace(_tried(many.pool, node, many.bench), adequacy=many.bench.test(node.fit))
@@ -179,7 +179,7 @@ def _beside(finding: SearchResult, pool: Pool, best: FittedSet, test: AdequacyTe
     known = [frozenset(t.names) for t in finding.accepted]
     weighing, alpha = Weighing.of(pool, best), level_for(finding.level)
     limit = best.fit.chi2 + _AS_GOOD * pool.ground.phi
-    tested: dict[Key, Adequacy] = {}
+    tested: dict[SetKey, Adequacy] = {}
 
     def is_one(node: FittedSet) -> bool:
         if _has_curve(node) or any(names <= node.names for names in known):

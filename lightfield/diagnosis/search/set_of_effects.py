@@ -13,7 +13,7 @@ from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.fitting.least_squares import Fit
 
-Key = frozenset[tuple[str, str]]
+SetKey = frozenset[tuple[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class FittedSet:
     fit: Fit
 
     @cached_property
-    def key(self) -> Key:
+    def key(self) -> SetKey:
         return frozenset(c.key for c in self.explanation)
 
     @cached_property

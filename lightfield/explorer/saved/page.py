@@ -41,7 +41,7 @@ MOST_MAPPED = 8
 #: More readings than this are not whitened in the page: the matrix is their square.
 MOST_WHITENED = 500
 
-Shown = tuple[SceneForward, Mapping[str, float], Sequence[str]]
+DrawnModel = tuple[SceneForward, Mapping[str, float], Sequence[str]]
 
 
 def page_html(session: Session) -> str:
@@ -109,8 +109,8 @@ def _stop(
         "moves": {},
     }
     names = e.forward.gains.names
-    first: Shown = e.forward, values, names
-    at_maps: list[Shown | None] = []
+    first: DrawnModel = e.forward, values, names
+    at_maps: list[DrawnModel | None] = []
     if session.maps_ready:
         gains = names if len(names) == len(maps) else names * len(maps)
         at_maps = [

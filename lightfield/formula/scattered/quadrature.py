@@ -31,7 +31,7 @@ _EDGE, _GAUSSIAN_EDGE = (0.75, 0.25), 0.7700
 _PER_HALF_WIDTH = 200
 
 
-class Nodes(NamedTuple):
+class Quadrature(NamedTuple):
     """Where to evaluate an integrand, and with which weights to sum it; arrays of one shape."""
 
     at: Array
@@ -39,22 +39,24 @@ class Nodes(NamedTuple):
 
 
 @lru_cache(maxsize=32)
-def interval(n: int, stretched: bool = False) -> Nodes:
+def interval(n: int, stretched: bool = False) -> Quadrature:
     """Gauss-Legendre nodes from 0 to 1; stretched, denser at both ends: s^2 (3 - 2 s)."""
     x, w = np.polynomial.legendre.leggauss(n)
     s, ws = 0.5 * (x + 1), 0.5 * w
-    return Nodes(s * s * (3 - 2 * s), 6 * ws * s * (1 - s)) if stretched else Nodes(s, ws)
+    return Quadrature(s * s * (3 - 2 * s), 6 * ws * s * (1 - s)) if stretched else Quadrature(s, ws)
 
 
 @lru_cache(maxsize=16)
-def in_cell(n: int) -> Nodes:
+def in_cell(n: int) -> Quadrature:
     """n x n Gauss-Legendre nodes of a square of side one about zero, shape (n^2, 2), with their shares."""
     x, w = np.polynomial.legendre.leggauss(n)
-    return Nodes(0.5 * np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2), 0.25 * np.outer(w, w).ravel())
+    return Quadrature(
+        0.5 * np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2), 0.25 * np.outer(w, w).ravel()
+    )
 
 
 @kept_by_tables(32)
-def turns(phase: TracedPhase, n: int, up_to_rad: float = math.pi) -> Nodes:
+def turns(phase: TracedPhase, n: int, up_to_rad: float = math.pi) -> Quadrature:
     """Angles of scattering in rad, at quantiles of the phase function; the weights are shares of the light.
 
     Parameters
@@ -70,7 +72,7 @@ def turns(phase: TracedPhase, n: int, up_to_rad: float = math.pi) -> Nodes:
     else:
         known, table = function.inverse_cdf_table()
         angle = np.exp(np.interp(u, known, np.log(table)))
-    return Nodes(np.minimum(angle, up_to_rad * (1 - 1e-9)), share * weight)
+    return Quadrature(np.minimum(angle, up_to_rad * (1 - 1e-9)), share * weight)
 
 
 def near(phase: TracedPhase) -> TracedPhase:
@@ -140,7 +142,7 @@ def finest_rad(lamp: Lamp) -> float:
 
 
 @kept_by_tables(256)
-def emission(lamp: Lamp) -> Nodes:
+def emission(lamp: Lamp) -> Quadrature:
     """Angles of emission, rad, and the light in each: weights in sr, for unit intensity on the axis.
 
     Beams that differ little share their angles.
@@ -150,4 +152,4 @@ def emission(lamp: Lamp) -> Nodes:
     top = min(_WIDEST_RAD, _LAST_STEP ** math.ceil(math.log(last) / math.log(_LAST_STEP)))
     t, w = interval(_LAMP_NODES)
     at = top * t
-    return Nodes(at, 2 * math.pi * top * w * np.sin(at) * intensity(lamp, at * at))
+    return Quadrature(at, 2 * math.pi * top * w * np.sin(at) * intensity(lamp, at * at))

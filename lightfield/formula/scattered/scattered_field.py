@@ -32,7 +32,7 @@ from lightfield.formula.scattered.single import (
 )
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
-from lightfield.scene.lamp.frame import Axis, beam_axes, beyond_window, has_round_section, is_tilted
+from lightfield.scene.lamp.frame import Direction, beam_axes, beyond_window, has_round_section, is_tilted
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.width import half_width_rad
 from lightfield.scene.receiver import is_cosine
@@ -233,7 +233,9 @@ class ScatteredField:
             light *= np.exp(-np.multiply.outer(seen.path, changes)) @ shares
         return np.asarray(light * np.exp(-layers_depth(water, self.z_m, seen.path, seen.height)))
 
-    def _seen_from(self, offset_x_m: float, offset_y_m: float, behind_m: float, axis: Axis | None) -> _Seen:
+    def _seen_from(
+        self, offset_x_m: float, offset_y_m: float, behind_m: float, axis: Direction | None
+    ) -> _Seen:
         """The places as a lamp sees them; `axis` of a tilted one."""
         dx, dy, dz = self.x_m - offset_x_m, self.y_m - offset_y_m, self.z_m + behind_m
         length = np.sqrt(dx * dx + dy * dy + dz * dz)

@@ -14,10 +14,10 @@ from lightfield.errors import Complaint, MeasurementError
 from lightfield.readings import units
 from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.importing import places, provenance, reduction, saturation
-from lightfield.readings.importing.index import Entry, read_index
+from lightfield.readings.importing.index import IndexLine, read_index
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.importing.replicates import BandValue, joined_rows, stays_of
-from lightfield.readings.importing.request import Bands, check_meanings, has_places, settle_request
+from lightfield.readings.importing.request import BandLimits, check_meanings, has_places, settle_request
 from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.formats import read_spectra
 from lightfield.readings.instruments.oddity import Odd
@@ -36,7 +36,7 @@ def import_index(
     *,
     quantity: str | None,
     units: str | None,
-    bands_nm: Bands,
+    bands_nm: BandLimits,
     saturation_level: float | None = None,
     budget: ErrorBudget | None = None,
     columns: Mapping[str, str] | None = None,
@@ -116,7 +116,7 @@ def import_index(
 
 
 def _read_files(
-    entries: Sequence[Entry], problems: Problems, columns: Mapping[str, str] | None
+    entries: Sequence[IndexLine], problems: Problems, columns: Mapping[str, str] | None
 ) -> list[Shot]:
     shots = []
     for entry in entries:
@@ -136,7 +136,7 @@ def _read_files(
     return shots
 
 
-def _chosen(entry: Entry, spectra: Sequence[Spectrum], problems: Problems) -> list[Spectrum]:
+def _chosen(entry: IndexLine, spectra: Sequence[Spectrum], problems: Problems) -> list[Spectrum]:
     """Those of a file's spectra that the index means: repetitions at one place, never unlike ones."""
     names = list(dict.fromkeys(spectrum.label for spectrum in spectra))
     if entry.spectrum:
@@ -234,7 +234,7 @@ def _in_order(shots: Sequence[Shot]) -> list[Shot]:
 
 
 def _in_bands(
-    shot: Shot, darks: Sequence[Shot], lit_s: Array, unit: str, bands: Bands, saturated: Mask
+    shot: Shot, darks: Sequence[Shot], lit_s: Array, unit: str, bands: BandLimits, saturated: Mask
 ) -> list[BandValue]:
     """What a spectrum gives in every band; a ValueError says why it gives nothing."""
     counts = unit == "counts"
@@ -262,7 +262,7 @@ def _table(
     where: str,
     quantity: str,
     unit: str,
-    bands: Bands,
+    bands: BandLimits,
     budget: ErrorBudget,
     metadata: dict[str, Any],
     notes: Sequence[LoadWarning],

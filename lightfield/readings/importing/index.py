@@ -24,7 +24,7 @@ _NO_INDEX = (
 
 
 @dataclass(frozen=True)
-class Entry:
+class IndexLine:
     """One line of an index.
 
     Parameters
@@ -58,7 +58,7 @@ class Entry:
         return f"{self.file}[{self.number}]" if self.number else self.file
 
 
-def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
+def read_index(path: str | PathLike[str], problems: Problems) -> list[IndexLine]:
     """Read an index CSV with the columns of COLUMNS.
 
     Only `file` is required, and z_m for what is neither dark nor ignored.
@@ -126,7 +126,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[Entry]:
             values |= {name: 0.0 for name in ("x_m", "y_m") if row[name] == ""}
             path = Path(where).parent / row["file"]
             entries.append(
-                Entry(line, row["file"], path, medium, role, **values, spectrum=row["spectrum"], number=0)
+                IndexLine(line, row["file"], path, medium, role, **values, spectrum=row["spectrum"], number=0)
             )
     if not any(entry.role in ("signal", "reference") for entry in entries) and not problems:
         problems.add(

@@ -11,7 +11,7 @@ import numpy as np
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.columns import MEDIA
-from lightfield.readings.importing.index import ROLES, Entry
+from lightfield.readings.importing.index import ROLES, IndexLine
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.instruments import plain
 from lightfield.readings.instruments.number_block import NumberBlock, check_axis, find_table
@@ -85,7 +85,7 @@ def read_places(
     for k, line in enumerate(table.lines):
         row = {m: table.cells[k][at[m]] for m in ("medium", "role") if m in at}
         given = {m: float(values[k]) for m, values in numbers.items()}
-        entry = Entry(
+        entry = IndexLine(
             line=line,
             file=f"row {k + 1}",
             path=Path(where),

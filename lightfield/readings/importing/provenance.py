@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.readings.importing import reduction
 from lightfield.readings.importing.reduction import Shot
 from lightfield.readings.instruments.oddity import Oddity
-from lightfield.readings.load_warning import LoadWarning, Remarks, Value
+from lightfield.readings.load_warning import LoadWarning, Remarked, Remarks
 
 # Columns of a table made by import beside those of every reading table.
 COLUMNS = ("file", "n_spectra", "dark", "nonlinearity_corrected", "electric_dark_corrected")
@@ -101,7 +101,7 @@ def doubts_of_files(
         "electric dark correction": {one_word([s.spectrum.electric_dark_corrected]) for s in shots},
     }.items():
         if len(values) > 1:
-            differ: dict[str, Value] = {"setting": what, "found": tuple(sorted(values))}
+            differ: dict[str, Remarked] = {"setting": what, "found": tuple(sorted(values))}
             found.append(LoadWarning(Remarks.MIXED_SETTINGS, differ))
     exposures = np.array([s.exposure_s for s in sequence])
     if unit != "counts" and not np.isfinite(exposures).all():
@@ -142,7 +142,7 @@ def _lit_darks(sequence: Sequence[Shot], darks: Sequence[Shot]) -> list[LoadWarn
     share = {name: part for name, part in share.items() if part > _SEEN}
     if lit is None or not share:
         return []
-    values: dict[str, Value] = {
+    values: dict[str, Remarked] = {
         "percent": 100 * max(share.values()), "lit": lit.entry.called, "files": tuple(sorted(share))
     }  # fmt: skip
     return [LoadWarning(Remarks.LIT_DARK, values)]

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import RuleError
 from lightfield.readings import units
-from lightfield.readings.importing.index import Entry
+from lightfield.readings.importing.index import IndexLine
 from lightfield.readings.instruments.spectrum import Spectrum
 
 SAME_EXPOSURE = 1e-3  # relative; headers print three to seven digits
@@ -26,7 +26,7 @@ class Shot:
         Standard error of its one number, in the same unit; NaN where none is stated.
     """
 
-    entry: Entry
+    entry: IndexLine
     spectrum: Spectrum
     exposure_s: float
     time_s: float

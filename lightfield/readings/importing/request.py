@@ -11,11 +11,11 @@ from lightfield.readings.importing import places
 from lightfield.readings.instruments import plain
 from lightfield.readings.problems import Problems
 
-Bands = Sequence[tuple[float, float]]
+BandLimits = Sequence[tuple[float, float]]
 
 
 def settle_request(
-    quantity: str | None, unit: str | None, bands_nm: Bands, saturation_level: float | None
+    quantity: str | None, unit: str | None, bands_nm: BandLimits, saturation_level: float | None
 ) -> str:
     """The canonical unit of the numbers in the files, when everything has been said and makes sense.
 

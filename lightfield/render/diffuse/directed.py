@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.progress import heard_by, step
+from lightfield.progress import Listener, heard_by, step
 from lightfield.render.backend import use_backend
 from lightfield.render.diffuse.between_g import SHAPES
 from lightfield.render.maps import transport_key
@@ -23,10 +23,9 @@ from lightfield.render.response.response import NEVER_SCATTERED, Reference, ligh
 from lightfield.render.response.symmetry import MirrorImages, mirror_images
 from lightfield.scene import Scene
 
-#: Is told what is traced, and which part of it is done.
-Told = Callable[[str, float], None]
-#: Runs work that can be pickled, in another process, and waits for it; the work is given a `Told`.
-Elsewhere = Callable[[Callable[[Told], None]], None]
+#: Runs work that can be pickled, in another process, and waits for it; the work is given a `Listener`, which
+#: is told what is traced, and which part of it is done.
+Elsewhere = Callable[[Callable[[Listener], None]], None]
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class DirectedTrace:
             "nodes": asdict(self.beam_nodes.nodes),
         }
 
-    def made(self, told: Told | None) -> dict[str, Array]:
+    def made(self, told: Listener | None) -> dict[str, Array]:
         """Tallies, errors and histories, by name."""
         use_backend()
         from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
@@ -141,7 +140,7 @@ class Keeper:
     """
 
     cache: bool = True
-    told: Told | None = None
+    told: Listener | None = None
     elsewhere: Elsewhere | None = None
 
     def of(self, trace: DirectedTrace) -> dict[str, Array]:
@@ -158,6 +157,6 @@ class Keeper:
         return stored
 
 
-def _keep(key: Mapping[str, Any], traced: Callable[[Told], dict[str, Array]], told: Told) -> None:
+def _keep(key: Mapping[str, Any], traced: Callable[[Listener], dict[str, Array]], told: Listener) -> None:
     """Trace into the cache."""
     response_cache.keep(key, traced(told))

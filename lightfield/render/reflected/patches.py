@@ -16,7 +16,7 @@ AT_ONCE = 1 << 18  # pairs that are worked out at a time
 #: grow by this factor, to half of it. Three times as many change light in a white tow tank by 0.5 % at most.
 COARSER, ROW, GROWTH = 2.0, 0.06, 1.4
 
-Response = Callable[[Sequence[np.ndarray], np.ndarray], np.ndarray]
+AngularResponse = Callable[[Sequence[np.ndarray], np.ndarray], np.ndarray]
 
 
 class Patches(NamedTuple):
@@ -97,7 +97,7 @@ def closed(found: Transfer, whole: np.ndarray) -> Transfer:
     return found._replace(factor=found.factor / inside[:, None])
 
 
-def transfer(places: np.ndarray, response: Response, patches: Patches) -> Transfer:
+def transfer(places: np.ndarray, response: AngularResponse, patches: Patches) -> Transfer:
     """Irradiance at places from unit radiosity of patches.
 
     Parameters
@@ -115,7 +115,7 @@ def transfer(places: np.ndarray, response: Response, patches: Patches) -> Transf
     return Transfer(factor, distance)
 
 
-def _block(places: np.ndarray, response: Response, patches: Patches, some: slice) -> Transfer:
+def _block(places: np.ndarray, response: AngularResponse, patches: Patches, some: slice) -> Transfer:
     every, here = np.arange(len(places))[some, None], places[some]
     factor, distance = _exchange(here[:, None], patches.centre, patches.normal, response, every)
     factor *= patches.area
@@ -131,7 +131,7 @@ def _block(places: np.ndarray, response: Response, patches: Patches, some: slice
 
 
 def _exchange(
-    places: np.ndarray, centre: np.ndarray, normal: np.ndarray, response: Response, which: np.ndarray
+    places: np.ndarray, centre: np.ndarray, normal: np.ndarray, response: AngularResponse, which: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Lambert's cosines over pi d^2, per area of the patch, and d."""
     # One array for each component: sums over a last axis of three are slow.

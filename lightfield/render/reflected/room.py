@@ -22,7 +22,7 @@ from lightfield.render.reflected.orders import (
     reflections_of,
     terms_of_light,
 )
-from lightfield.render.reflected.patches import Patches, Response, Transfer, closed, transfer, walls
+from lightfield.render.reflected.patches import AngularResponse, Patches, Transfer, closed, transfer, walls
 from lightfield.scene import Lamp, Scene, Tank, receiver
 
 MOST_PAIRS = 1_500_000  # of fine patch and reading
@@ -239,7 +239,7 @@ class Room:
         facing_back = found if plain else transfer(self.places, _facing_back, self._seen)
         return closed(found, self._whole(facing_back, self.places, _facing_back))
 
-    def _whole(self, found: Transfer, places: np.ndarray, response: Response) -> np.ndarray:
+    def _whole(self, found: Transfer, places: np.ndarray, response: AngularResponse) -> np.ndarray:
         """What places see of walls and openings together, of unit radiosity each, shape (n,)."""
         openings = transfer(places, response, self._openings)
         return np.asarray(found.factor.sum(axis=1) + openings.factor.sum(axis=1))
@@ -252,7 +252,7 @@ class Room:
     def _seen(self) -> Patches:
         return self.half.some(self.before).divided(self.parts).on_both_sides()
 
-    def _in_surface(self, places: np.ndarray, response: Response, patches: Patches) -> Transfer:
+    def _in_surface(self, places: np.ndarray, response: AngularResponse, patches: Patches) -> Transfer:
         def mirrored(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarray:
             return np.asarray(response(direction, which) * fresnel(np.abs(direction[1])))
 

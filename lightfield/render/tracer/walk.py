@@ -40,7 +40,7 @@ from lightfield.render.tracer.straight import Launch, tally_straight
 MAX_FLIGHTS = 4000
 PHOTONS_PER_LANE = 64
 Given = ParamSpec("Given")
-Result = TypeVar("Result")
+Walked = TypeVar("Walked")
 
 
 class _Start(NamedTuple):
@@ -53,11 +53,11 @@ class _Start(NamedTuple):
     points: ScrambledSobol
 
 
-def _as_raised(walk: Callable[Given, Result]) -> Callable[Given, Result]:
+def _as_raised(walk: Callable[Given, Walked]) -> Callable[Given, Walked]:
     """Interrupts come out of a loop as such: Dr.Jit turns whatever stops one into an error of its own."""
 
     @wraps(walk)
-    def walked(*args: Given.args, **settings: Given.kwargs) -> Result:
+    def walked(*args: Given.args, **settings: Given.kwargs) -> Walked:
         try:
             return walk(*args, **settings)
         except RuntimeError as error:

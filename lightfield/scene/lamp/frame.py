@@ -13,7 +13,7 @@ from lightfield.arrays import Array
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import beam_table
 
-Axis = tuple[float, float, float]
+Direction = tuple[float, float, float]
 
 
 def is_tilted(lamp: Lamp) -> bool:
@@ -88,7 +88,7 @@ def through_window(
     return intensity(theta_x_rad / index, theta_y_rad / index) / (index * index)
 
 
-def beam_axes(lamp: Lamp) -> tuple[Axis, Axis, Axis]:
+def beam_axes(lamp: Lamp) -> tuple[Direction, Direction, Direction]:
     """Unit vectors right, up and forward of the beam in the frame of the tank.
 
     Forward is along (tan tilt_x, tan tilt_y, 1), right is level, and an untilted beam has the tank's axes.

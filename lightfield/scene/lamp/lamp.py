@@ -16,7 +16,7 @@ from lightfield.scene.spectral.peaks import Peak, way_written
 from lightfield.storage.tables import read_columns, readable
 
 #: Names of spectra; those of LEDs are in `spectral.peaks`.
-Named = Literal[
+SpectrumName = Literal[
     "planck", "cie-a", "table", "led-royal-blue", "led-blue", "led-cyan", "led-green", "led-amber", "led-red",
     "led-deep-red", "led-white", "led-warm-white",
 ]  # fmt: skip
@@ -88,7 +88,7 @@ class Lamp(Part):
         50.0, "W", "radiant power of the beam over the whole spectrum", Acts.POWER, above=0.0, high=1e6
     )
     spectrum: Annotated[
-        Annotated[Named, Tag("a name")]
+        Annotated[SpectrumName, Tag("a name")]
         | Annotated[Peak, Tag("one peak")]
         | Annotated[Several, Tag("several peaks")],
         Discriminator(way_written),

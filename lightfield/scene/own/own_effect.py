@@ -34,7 +34,7 @@ _NEUTRAL = 1e-9
 _MOST = 1e6
 Number = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 Name = Annotated[str, Field(pattern=rf"^[a-z][a-z0-9_]{{0,{LONGEST_NAME - 1}}}$")]
-Text = Annotated[str, Field(max_length=500)]
+Clause = Annotated[str, Field(max_length=500)]
 
 
 class Places(NamedTuple):
@@ -57,7 +57,7 @@ class OwnParameter(Part):
     neutral: Number | None = Field(None, description="value that switches the effect off")
     typical: Number | None = Field(None, description="size worth asking about")
     value: Number | None = Field(None, description="value in this scene; default: neutral, or the middle")
-    meaning: Text = Field("", description="one clause for people")
+    meaning: Clause = Field("", description="one clause for people")
 
     @model_validator(mode="after")
     def _values_are_in_range(self) -> OwnParameter:
@@ -99,8 +99,8 @@ class OwnEffect(Part):
     )
     formula: str = Field(description="arithmetic over the stage's variables and the parameters")
     parameters: dict[Name, OwnParameter] = Field(min_length=1, max_length=MOST_PARAMETERS)
-    physics: Text = Field("A hypothesis of the user's own.", description="what happens")
-    laboratory: Text = Field("Change what it supposes, and read again.", description="how to check it")
+    physics: Clause = Field("A hypothesis of the user's own.", description="what happens")
+    laboratory: Clause = Field("Change what it supposes, and read again.", description="how to check it")
 
     @model_validator(mode="after")
     def _formula_is_possible(self) -> OwnEffect:

@@ -20,7 +20,7 @@ COLUMNS = ("wavelength_nm", "response")
 
 
 @dataclass(frozen=True)
-class Response:
+class DetectorResponse:
     """Reading per light over wavelength, in any unit.
 
     Parameters

@@ -16,7 +16,7 @@ from lightfield.scene.water.library import list_presets, preset_name
 from lightfield.scene.water.phase.spec import HenyeyGreenstein, PhaseSpec
 from lightfield.storage.tables import read_columns, readable
 
-Absorption = Annotated[float, Field(strict=True, ge=0.0, le=100.0)]
+PerMetre = Annotated[float, Field(strict=True, ge=0.0, le=100.0)]
 COEFFICIENTS = Acts.ABSORPTION | Acts.SCATTERING | Acts.COLOUR
 
 
@@ -54,7 +54,7 @@ class Water(Part):
     sediment_g_per_m3: float = number(
         0.0, "g/m^3", "non-algal particles", COEFFICIENTS, low=0.0, high=1e4, neutral=0.0
     )
-    absorption_at: tuple[tuple[Nanometres, Absorption], ...] = declare(
+    absorption_at: tuple[tuple[Nanometres, PerMetre], ...] = declare(
         (), "[[wavelength_nm, absorption_per_m], ...], added to the base: linear between, constant beyond",
         Acts.ABSORPTION | Acts.COLOUR, neutral=(), later=True,
     )  # fmt: skip

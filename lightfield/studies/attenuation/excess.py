@@ -20,7 +20,7 @@ from lightfield.scene import Scene
 from lightfield.scene.acts import IN_WATER
 from lightfield.scene.all_parameters import without
 from lightfield.scene.listed import OWN_FIELD
-from lightfield.studies.light_at import Places, diffuse_response_at
+from lightfield.studies.light_at import Points, diffuse_response_at
 
 #: Nodes in absorption and in scattering: the polynomials meet the response between them to a twentieth of
 #: its own error (tests/physics/found/test_attenuation.py).
@@ -79,7 +79,7 @@ def grey(scene: Scene, a: float, b: float) -> Scene:
 
 def excess_light(
     scene: Scene,
-    places: Places,
+    places: Points,
     trace: DiffuseSource,
     largest_a: float,
     largest_b: float,

@@ -52,7 +52,7 @@ _DARK, _NEAR_M2 = 1e-12, 1e-12
 _REMEMBERED = 128
 
 
-class Frame(NamedTuple):
+class FitRange(NamedTuple):
     """Where the polynomials are fitted: distances, m, the largest tangent, and the largest radius, m."""
 
     near_m: float
@@ -108,7 +108,7 @@ class _Shared:
         Lamp and tank of the trace.
     """
 
-    def __init__(self, scene: Scene, frame: Frame) -> None:
+    def __init__(self, scene: Scene, frame: FitRange) -> None:
         self._scene, self._frame = scene, frame
         self._waters: list[Scene] = []
         self.in_cells: dict[int, InCells] = {}
@@ -262,7 +262,7 @@ def _ratio(away: Array, along: Array, tangent: float) -> Array:
     return np.divide(away * along * square, both, out=np.zeros_like(away), where=both > 0)
 
 
-def terms(scene: Scene, frame: Frame, place_m: Array, count: tuple[int, int]) -> Array:
+def terms(scene: Scene, frame: FitRange, place_m: Array, count: tuple[int, int]) -> Array:
     """Chebyshev polynomials at places, shape (n, n_terms)."""
     x, y, z = place_m.T
     x0, y0 = axis_at(scene.lamp, z)
@@ -306,12 +306,12 @@ def smooth_light(scene: Scene, near_m: float, far_m: float, reach_m: float, phot
     wide = max(wide, reach_m + _ROOM_M)
     region = Region(step * np.floor((wide + aside) / step + _ROUNDING), near, end, step)
     field = traced_field(scene, region, photons=photons, reference=reference_for_others(scene))
-    frame = Frame(near, end, tangent, region.half_width_m - aside)
+    frame = FitRange(near, end, tangent, region.half_width_m - aside)
     cells = _cells(scene, field.grid, field.response, frame)
     return SmoothLight(scene, cells, _Shared(scene, frame))
 
 
-def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: Frame) -> FittedCells:
+def _cells(scene: Scene, grid: Grid, response: TransportResponse, frame: FitRange) -> FittedCells:
     """The cells within the frame, and the least squares of the polynomials over them."""
     x, y, z = (v.ravel() for v in grid.centres())
     x0, y0 = axis_at(scene.lamp, z)

@@ -45,7 +45,7 @@ from lightfield.studies.working_range.reaches import (
 )
 
 #: Where an axis meets planes, x and y, m.
-Axis = Callable[[Array], tuple[Array, Array]]
+AxisPlaces = Callable[[Array], tuple[Array, Array]]
 #: Distances that light is asked at, and how far beyond the last plane.
 _DISTANCES, _BEYOND = 13, 2.0
 #: So many times the nearest distance is far: steps are then equal ratios.
@@ -214,7 +214,7 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
 
 
 def _field(
-    scene: Scene, trace: DiffuseSource | None, z: Array, about: Axis | None = None
+    scene: Scene, trace: DiffuseSource | None, z: Array, about: AxisPlaces | None = None
 ) -> tuple[SmoothField, LightAt]:
     """Light around an axis, straight ahead of the lamp unless told otherwise, and at the places it was asked
     at: radii within distances, where a tank has most room."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from pydantic import TypeAdapter
 
-from lightfield.readings.load_warning import SHOWN, LoadWarning, Remarks, Value
+from lightfield.readings.load_warning import SHOWN, LoadWarning, Remarked, Remarks
 
-VALUES: dict[Remarks, dict[str, Value]] = {
+VALUES: dict[Remarks, dict[str, Remarked]] = {
     Remarks.SATURATED: {"saturated": 3, "readings": 41},
     Remarks.FAR_PLACES: {"name": "z_m", "far_m": 250.0},
     Remarks.LATE_TIMES: {"first_s": 36000.0, "percent": 4.2},

@@ -15,7 +15,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import over_band, over_bands
 from lightfield.scene.parameters import Parameter
 from lightfield.studies.compare.maps import closed_form, on_cells
-from lightfield.sweep.derived import Formula
+from lightfield.sweep.derived import GridFormula
 from lightfield.sweep.work import _formula
 
 EVERYTHING_ON = Scene.from_dict(
@@ -65,7 +65,7 @@ def elsewhere(parameter: Parameter) -> float:
 def both(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Maps by the sweep's formula and by `compare`'s, shape (n_bands, n_planes, n_y, n_x)."""
     grid = scene_grid(scene)
-    formula = Formula.of(scene, grid)
+    formula = GridFormula.of(scene, grid)
     assert formula is not None
     whole = []
     for low, high in np.array(scene.detector.bands_nm) + scene.detector.wavelength_shift_nm:
@@ -137,7 +137,7 @@ def test_light_in_a_coarse_cell_is_dimmed_along_its_ways(
     fine = (np.arange(600) + 0.5) * (width_m / 600) - 0.5 * width_m
     light = direct_field(scene, *np.meshgrid(fine, fine), 0.8)
     right = light.reshape(pixels, 600 // pixels, pixels, -1).mean(axis=(1, 3))
-    formula = Formula.of(scene, scene_grid(scene))
+    formula = GridFormula.of(scene, scene_grid(scene))
     assert formula is not None
     found = formula.bands(scene)[0, 0] / over_bands(scene).intensity.mean()
     np.testing.assert_allclose(found, right, rtol=1e-3)

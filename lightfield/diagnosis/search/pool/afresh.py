@@ -11,12 +11,12 @@ from collections.abc import Iterator
 
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 
-def beside_fresh_fits(pool: Pool, found: FittedSet, allowed: Allowed) -> FittedSet:
+def beside_fresh_fits(pool: Pool, found: FittedSet, allowed: Admits) -> FittedSet:
     """The best set, once those around it were fitted anew that have no curve and ask for no trace."""
     for explanation in list(_around(pool, found)):
         if all(_is_quick(c) and allowed(c) for c in explanation) and pool.affordable(explanation):

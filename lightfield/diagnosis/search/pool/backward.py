@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, begin_at, joins, with_effect
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 #: Stages that are fitted, of at most so many effects. Chosen: time; half and twice of it alike in ten
@@ -37,7 +37,7 @@ def _removal(pool: Pool, node: FittedSet, candidate: Candidate) -> Array:
     return np.asarray(pool.ground.test.whiten(problem.keep * (fit.prediction - without)))
 
 
-def _blocks(pool: Pool, node: FittedSet, allowed: Allowed) -> tuple[list[_Block], Array]:
+def _blocks(pool: Pool, node: FittedSet, allowed: Admits) -> tuple[list[_Block], Array]:
     """Blocks of all effects, and what they are to meet: the residual and all that is removed."""
     place = {path: i for i, path in enumerate(node.fit.paths)}
     target, out = node.fit.residual.copy(), []
@@ -64,7 +64,7 @@ def _blocks(pool: Pool, node: FittedSet, allowed: Allowed) -> tuple[list[_Block]
     return [*out, *new], target
 
 
-def linear_backward(pool: Pool, node: FittedSet, allowed: Allowed, fits: int = FITS) -> None:
+def linear_backward(pool: Pool, node: FittedSet, allowed: Admits, fits: int = FITS) -> None:
     """Fit the best stages of an elimination that begins with everything."""
     blocks, target = _blocks(pool, node, allowed)
     if not blocks:

@@ -21,7 +21,7 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 
-Level = Literal["certain", "simplest", "one of", "partial"]
+Certainty = Literal["certain", "simplest", "one of", "partial"]
 
 #: Gaps in cost to the best set without an effect: of named effects; with a curve that contains it too; and,
 #: of named effects again, at equal weight for every parameter, with at most one effect more: a curve that
@@ -67,7 +67,7 @@ class Evidence:
     """
 
     candidate: Candidate
-    level: Level
+    level: Certainty
     sigma_to_remove: float
     gap: float
     gap_named: float
@@ -184,7 +184,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     gap_plus = _least(weighing.above_unpriced(n) for n in weighing.with_one_more(named))
     rest = pool.nodes.get(best.key - {candidate.key})
     sigma = np.sqrt(max(rest.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi) if rest else float("nan")
-    level: Level
+    level: Certainty
     like_water = water_may_do_it(pool, best, candidate)
     other_lamp = adequate and may_be_another_lamp(pool, best, candidate)
     if candidate.is_hardly_tested or like_water:  # that it fits says nothing: any would
@@ -196,7 +196,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     elif beyond or _at_edge(pool, best, candidate) or _only_contained(name, pool.best()):
         level = "one of"
     else:
-        most: Level = "simplest" if other_lamp else "certain"
+        most: Certainty = "simplest" if other_lamp else "certain"
         level = _weaker(_claim(gap, gap_named, gap_plus), most)
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
@@ -215,7 +215,7 @@ def may_be_another_lamp(pool: Pool, node: FittedSet, candidate: Candidate) -> bo
     return of_shape or candidate in of_lamp
 
 
-def _claim(gap: float, gap_named: float, gap_plus: float) -> Level:
+def _claim(gap: float, gap_named: float, gap_plus: float) -> Certainty:
     """How sure an effect is by its gaps, where nothing else speaks against it."""
     if not (gap_named > NAMED_GAP and gap > GAP):
         return "one of"
@@ -224,7 +224,7 @@ def _claim(gap: float, gap_named: float, gap_plus: float) -> Level:
     return "simplest" if gap_plus > -PLUS_GAP else "one of"
 
 
-def _weaker(one: Level, other: Level) -> Level:
+def _weaker(one: Certainty, other: Certainty) -> Certainty:
     """The less sure of two levels."""
     return max(one, other, key=("certain", "simplest", "one of", "partial").index)
 

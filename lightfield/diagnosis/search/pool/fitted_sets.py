@@ -20,11 +20,11 @@ from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonor
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
-from lightfield.diagnosis.search.set_of_effects import FittedSet, Key
+from lightfield.diagnosis.search.set_of_effects import FittedSet, SetKey
 from lightfield.diagnosis.search.small_sets import clipped
 from lightfield.fitting.least_squares import Fit
 
-Allowed = Callable[[Candidate], bool]
+Admits = Callable[[Candidate], bool]
 
 #: Steps of a fit at most, and what it may leave of chi-square. Chosen: far less than a price.
 _STEPS, _LEFT = 20, 0.05
@@ -106,7 +106,7 @@ class Promise:
     starts: tuple[Start, ...]
 
     @property
-    def key(self) -> Key:
+    def key(self) -> SetKey:
         return self.node.key | {self.candidate.key}
 
 
@@ -125,13 +125,13 @@ class Pool:
     """
 
     ground: Ground
-    nodes: dict[Key, FittedSet] = field(default_factory=dict)
+    nodes: dict[SetKey, FittedSet] = field(default_factory=dict)
     fits: int = 0
     diffuse: int = 0
     most_diffuse: int = MOST_DIFFUSE
-    _scores: dict[Key, tuple[tuple[Score, ...], tuple[Array, ...]]] = field(default_factory=dict)
-    _promises: dict[Key, list[Promise]] = field(default_factory=dict)
-    _finished: set[Key] = field(default_factory=set)
+    _scores: dict[SetKey, tuple[tuple[Score, ...], tuple[Array, ...]]] = field(default_factory=dict)
+    _promises: dict[SetKey, list[Promise]] = field(default_factory=dict)
+    _finished: set[SetKey] = field(default_factory=set)
     _lowest: float = float("inf")
     progress: Callable[[FittedSet], None] = lambda best: None
 
@@ -143,7 +143,7 @@ class Pool:
         """Chi-square in units of the noise, plus the price of every effect."""
         return node.chi2 / self.ground.phi + sum(self.ground.price(c) for c in node.explanation)
 
-    def best(self, allowed: Allowed | None = None) -> FittedSet:
+    def best(self, allowed: Admits | None = None) -> FittedSet:
         """The set of least cost, of allowed effects."""
         nodes = self.nodes.values()
         return min((n for n in nodes if allowed is None or all(map(allowed, n.explanation))), key=self.cost)

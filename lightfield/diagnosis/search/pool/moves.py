@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool, Promise, begin_at
-from lightfield.diagnosis.search.set_of_effects import FittedSet, Key
+from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, Promise, begin_at
+from lightfield.diagnosis.search.set_of_effects import FittedSet, SetKey
 
 #: Levels of additions at most: more effects than any set of readings was seen to hold (six and curves, in
 #: benchmarks/many_effects).
@@ -23,7 +23,7 @@ _MOSTLY = 50.0
 
 
 def forward(
-    pool: Pool, start: FittedSet, beam: int, fits: int, allowed: Allowed, most: int = _MOST, patience: int = 1
+    pool: Pool, start: FittedSet, beam: int, fits: int, allowed: Admits, most: int = _MOST, patience: int = 1
 ) -> FittedSet:
     """Levels of additions: of the best sets of a level, the additions that promise most are fitted.
 
@@ -52,13 +52,13 @@ def forward(
     return best_of(pool, allowed)
 
 
-def fit_additions(pool: Pool, level: list[FittedSet], fits: int, allowed: Allowed) -> list[FittedSet]:
+def fit_additions(pool: Pool, level: list[FittedSet], fits: int, allowed: Admits) -> list[FittedSet]:
     """Fit the additions to some sets that promise most."""
     chosen = sorted(_additions(pool, level, allowed).values(), key=lambda p: p.cost)[:fits]
     return [pool.add(p) for p in chosen if p.key in pool.nodes or _affordable(pool, p)]
 
 
-def best_of(pool: Pool, allowed: Allowed) -> FittedSet:
+def best_of(pool: Pool, allowed: Admits) -> FittedSet:
     """The set of least cost, of allowed effects, fitted to the end."""
     while (best := pool.finished(now := pool.best(allowed))) is not now or best is not pool.best(allowed):
         pass
@@ -69,9 +69,9 @@ def _affordable(pool: Pool, promise: Promise) -> bool:
     return pool.affordable((*promise.node.explanation, promise.candidate))
 
 
-def _additions(pool: Pool, level: list[FittedSet], allowed: Allowed) -> dict[Key, Promise]:
+def _additions(pool: Pool, level: list[FittedSet], allowed: Admits) -> dict[SetKey, Promise]:
     """Sets with one effect more, each from where it promises most."""
-    out: dict[Key, Promise] = {}
+    out: dict[SetKey, Promise] = {}
     for node in level:
         for promise in pool.promises(node):
             known = out.get(promise.key)
@@ -83,10 +83,10 @@ def _additions(pool: Pool, level: list[FittedSet], allowed: Allowed) -> dict[Key
 
 
 def polish(
-    pool: Pool, allowed: Allowed, rounds: int = ROUNDS, swaps: int = SWAPS, reach: float = REACH
+    pool: Pool, allowed: Admits, rounds: int = ROUNDS, swaps: int = SWAPS, reach: float = REACH
 ) -> FittedSet:
     """Drops, swaps and additions around the best set until nothing near is better."""
-    done: set[Key] = set()
+    done: set[SetKey] = set()
     for _ in range(rounds):
         best = best_of(pool, allowed)
         if best.key in done:
@@ -118,7 +118,7 @@ def thin(pool: Pool) -> None:
                 pool.drop(node, candidate)
 
 
-def _other_forms(pool: Pool, best: FittedSet, allowed: Allowed) -> None:
+def _other_forms(pool: Pool, best: FittedSet, allowed: Admits) -> None:
     """Fit nested forms of the effects of a set, longer and shorter curves, from where it lies."""
     for candidate in best.explanation:
         paths = {p.path for p in candidate.parameters}

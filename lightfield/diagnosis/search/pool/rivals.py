@@ -6,7 +6,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.linear_pairs import Pair, linear_pairs
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
 from lightfield.diagnosis.search.pool.equivalences import try_beside, try_declared
-from lightfield.diagnosis.search.pool.fitted_sets import Allowed, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, begin_at, joins, with_effect
 from lightfield.diagnosis.search.pool.moves import fit_additions, forward, polish
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 
@@ -50,12 +50,12 @@ def seek_rivals(pool: Pool, best: FittedSet, candidate: Candidate) -> None:
         polish(pool, without, _ROUNDS, _SWAPS, _REACH)
 
 
-def _far(pool: Pool, best: FittedSet, allowed: Allowed) -> float:
+def _far(pool: Pool, best: FittedSet, allowed: Admits) -> float:
     """Cost of the best set of allowed effects above that of the best."""
     return pool.cost(pool.best(allowed)) - pool.cost(best)
 
 
-def _pairs(pool: Pool, node: FittedSet, allowed: Allowed) -> list[Pair]:
+def _pairs(pool: Pool, node: FittedSet, allowed: Admits) -> list[Pair]:
     """Pairs of named effects that together lower chi-square most."""
     usable = [
         score

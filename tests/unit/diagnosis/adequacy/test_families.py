@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from toy_problem import Linear, Toy, layout
 
-from lightfield.diagnosis.adequacy.families import Coordinate, free_factors
+from lightfield.diagnosis.adequacy.families import FreeFactor, free_factors
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.fitting.forward import SceneForward
@@ -21,7 +21,7 @@ def toy(in_order: bool = False) -> Toy:
     return Toy.of([], {}, layout(in_order=in_order))
 
 
-def found(made: Toy, value: np.ndarray, phi: float = 1.0) -> list[Coordinate]:
+def found(made: Toy, value: np.ndarray, phi: float = 1.0) -> list[FreeFactor]:
     problem = made.with_value(value)
     return free_factors(problem, made.whiten, made.fit(problem), phi)
 

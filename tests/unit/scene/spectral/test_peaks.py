@@ -13,7 +13,7 @@ from scipy.integrate import quad
 from lightfield.errors import SceneError
 from lightfield.scene import Lamp, Scene
 from lightfield.scene.bands import over_band, over_bands
-from lightfield.scene.lamp.lamp import Named
+from lightfield.scene.lamp.lamp import SpectrumName
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.spectral.peaks import LEDS
@@ -62,7 +62,7 @@ def test_a_band_has_all_the_light_of_a_peak_however_narrow(fwhm: float) -> None:
 
 
 def test_every_led_of_the_table_has_a_name_that_scenes_take() -> None:
-    assert {name for name in get_args(Named) if name.startswith("led-")} == set(LEDS)
+    assert {name for name in get_args(SpectrumName) if name.startswith("led-")} == set(LEDS)
     for name in LEDS:
         total = power_between(scene(name).lamp, 200, 1200, LEDS[name][0].peak_nm)
         assert total == pytest.approx(10, rel=1e-6)
