@@ -1,10 +1,19 @@
-"""How the names of effects, quantities and fields are written for people, and numbers with their sign."""
+"""How the names of effects, quantities and fields are written for people, and numbers with their sign; words
+that are data as well."""
 
 from __future__ import annotations
 
 import re
+from enum import Enum
 
 _CDOM = re.compile(r"\bcdom\b")
+
+
+class Word(str, Enum):
+    """A word of few: programs compare it, reports print it as it is. (`enum.StrEnum` is of Python 3.11.)"""
+
+    __str__ = str.__str__
+    __repr__ = str.__repr__
 
 
 def plain(name: str) -> str:

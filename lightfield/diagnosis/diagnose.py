@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array, finite
 from lightfield.diagnosis import ledger
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.course import Inquiry, course
 from lightfield.diagnosis.problem.setup import source_of, spectral
 from lightfield.diagnosis.search.cascade import ALPHA, SearchResult
@@ -158,7 +159,7 @@ class Diagnosis:
             told = {"fitted_percent": fitted, "rendered_percent": fresh}
             update["cautions"] = [*verdict.cautions, Caution(warns=Warns.NOT_CONFIRMED, values=told)]
             if verdict.verdict != "unexplained":
-                found = [one.model_copy(update={"level": "one of"}) for one in verdict.found]
+                found = [one.model_copy(update={"level": Certainty.ONE_OF}) for one in verdict.found]
                 update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt, "found": found}
         return replace(self, verdict=verdict.model_copy(update=update))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Literal
 
+from lightfield.diagnosis.certainty import Outlook
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.search.pool.evidence import NAMED_GAP
 from lightfield.diagnosis.verdict.speech import in_unit, join
@@ -16,7 +16,6 @@ from lightfield.fitting.curves import field_of, is_amplitude
 LIKELY, UNLIKELY = 0.9, 0.1
 #: Amplitudes of a curve that are told one by one, at most. Chosen: words alone.
 _LONG = 5
-Outlook = Literal["certain", "simplest", "perhaps", "no", "not seen"]
 HEAD = ("effect", "sigma", "gap", "certain", "named", "why", "at which size")
 ABOUT = (
     "sigma: by how much the others, refitted, are worse without it. gap: what the best set without it costs",
@@ -63,25 +62,26 @@ class Expected:
     def level(self) -> Outlook:
         """How much; "no": other effects do as well."""
         if self.certain >= LIKELY:
-            return "certain"
+            return Outlook.CERTAIN
         if self.named >= LIKELY:
-            return "simplest"
+            return Outlook.SIMPLEST
         if self.gap <= 0:
-            return "not seen"
-        return "perhaps" if self.named > UNLIKELY else "no"
+            return Outlook.NOT_SEEN
+        return Outlook.PERHAPS if self.named > UNLIKELY else Outlook.NO
 
     def in_words(self, whole: Sequence[str]) -> str:
         """Would it be certain, and what stands in the way?"""
         others = [name for name in self.rival if name not in whole]
-        if self.level == "simplest" and self.another_lamp:
+        if self.level == Outlook.SIMPLEST and self.another_lamp:
             return "the simplest explanation; a lamp of another shape would do as well"
         how = f"{join(others)} in its place" if others else "the others without it"
+        instead = f"not named: {how} would do as well"
         return {
-            "certain": "certain",
-            "simplest": f"the simplest explanation; {how} would do as well",
-            "perhaps": f"perhaps named; {how} comes near",
-            "no": f"not named: {how} would do as well",
-            "not seen": f"not named: {how} would do as well" if others else "not seen beside the others",
+            Outlook.CERTAIN: "certain",
+            Outlook.SIMPLEST: f"the simplest explanation; {how} would do as well",
+            Outlook.PERHAPS: f"perhaps named; {how} comes near",
+            Outlook.NO: instead,
+            Outlook.NOT_SEEN: instead if others else "not seen beside the others",
         }[self.level]
 
 
@@ -108,10 +108,10 @@ class Together:
     def sentence(self) -> str:
         """The answer."""
         parts = (
-            ("would be certain", self.of_level("certain")),
-            ("would be the simplest explanation", self.of_level("simplest")),
-            ("would perhaps be named", self.of_level("perhaps")),
-            ("would not be named", self.of_level("no", "not seen")),
+            ("would be certain", self.of_level(Outlook.CERTAIN)),
+            ("would be the simplest explanation", self.of_level(Outlook.SIMPLEST)),
+            ("would perhaps be named", self.of_level(Outlook.PERHAPS)),
+            ("would not be named", self.of_level(Outlook.NO, Outlook.NOT_SEEN)),
         )
         told = [f"{join(names)} {words}" for words, names in parts if names]
         return f"With these {self.readings} readings {'; '.join(told)}."
@@ -158,8 +158,8 @@ class Together:
         whole = [one.effect for one in self.expected]
         return {
             "readings": self.readings,
-            "certain": self.of_level("certain"),
-            "simplest": self.of_level("simplest"),
+            "certain": self.of_level(Outlook.CERTAIN),
+            "simplest": self.of_level(Outlook.SIMPLEST),
             "effects": [
                 {
                     "effect": one.effect,
@@ -169,7 +169,7 @@ class Together:
                     "gap": one.gap,
                     "chance_of_certain": one.certain,
                     "chance_of_certain_or_simplest": one.named,
-                    "level": one.level,
+                    "level": one.level.value,
                     "set_without": list(one.rival),
                     "in_words": one.in_words(whole),
                 }

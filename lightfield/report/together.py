@@ -6,12 +6,16 @@ from textwrap import fill
 
 from matplotlib.figure import Figure
 
+from lightfield.diagnosis.certainty import Outlook
 from lightfield.diagnosis.expected import ABOUT, HEAD, Together
 from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import BAD, FORMULA, GOOD, INK, MUTED, NARROW, WIDTH, figure, label, percent_axis
 from lightfield.wording import plain
 
-_SHADES = {"certain": GOOD, "simplest": GOOD, "perhaps": FORMULA, "no": BAD, "not seen": MUTED}
+_SHADES = {
+    Outlook.CERTAIN: GOOD, Outlook.SIMPLEST: GOOD, Outlook.PERHAPS: FORMULA,
+    Outlook.NO: BAD, Outlook.NOT_SEEN: MUTED,
+}  # fmt: skip
 
 
 def chances_figure(made: Together, narrow: bool = False) -> Figure:
@@ -23,7 +27,7 @@ def chances_figure(made: Together, narrow: bool = False) -> Figure:
             y, shade = len(names) - k, _SHADES[one.level]
             axes.barh(y, max(one.named, one.certain), height=0.55, color=shade, alpha=0.35)
             axes.barh(y, one.certain, height=0.55, color=shade)
-            known = one.level in ("certain", "simplest")
+            known = one.level.is_claimed
             words = one.level if known else one.in_words([o.effect for o in made.expected])
             at = max(one.named, one.certain)
             inside = at > 0.5

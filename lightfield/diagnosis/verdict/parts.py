@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, computed_field, model_validator
 
 from lightfield.diagnosis.adequacy.structure import Structure
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
+from lightfield.wording import Word
 
 Kind = Literal["none", "identified", "ambiguous", "unexplained"]
 
@@ -28,13 +29,7 @@ class Record(BaseModel):
         return {k: 0.0 if isinstance(v, float) and v == 0 else v for k, v in data.items()}
 
 
-class _Word(str, Enum):
-    """A reason: programs compare it, reports print it as it is. (`enum.StrEnum` is of Python 3.11.)"""
-
-    __str__ = str.__str__
-
-
-class Reason(_Word):
+class Reason(Word):
     """Why a fitted number has no error, as every report says it."""
 
     HELD = "held"
@@ -94,7 +89,7 @@ class FoundEffect(Record):
     effect: str
     family: str
     form: str
-    level: Literal["certain", "simplest", "one of", "partial"] = Field(
+    level: Certainty = Field(
         description="certain: no other set of about as many effects does as well; simplest: only sets with "
         "more parameters do, and not much better; one of: it or what may replace it; partial: certain as far "
         "as the unexplained rest allows"
@@ -189,11 +184,26 @@ class Rung(Record):
 CONTRADICTED_SIGMA = 5.0
 
 
+class Judgement(Word):
+    """What readings say of an effect that the scene has."""
+
+    SUPPORTED = "supported"
+    UNDECIDED = "undecided"
+    CONTRADICTED = "contradicted"
+    ABSENT = "absent"
+    HELD = "held"
+
+    @property
+    def contradicts_scene(self) -> bool:
+        """Is the effect there, but of another size, or not there at all?"""
+        return self in (Judgement.CONTRADICTED, Judgement.ABSENT)
+
+
 class StatedEffect(Record):
     """An effect that the scene itself has, and what the readings say of it."""
 
     effect: str | None = Field(description="absent for what no effect of the table sets free")
-    judgement: Literal["supported", "undecided", "contradicted", "absent", "held"] = Field(
+    judgement: Judgement = Field(
         description="contradicted: of another size; absent: that, and met as well without it; undecided: "
         "these readings do not tell; held: not tested, taken as stated"
     )
@@ -231,11 +241,18 @@ class PlaceToRead(Record):
     repeats: int
 
 
+class WhyAside(Word):
+    """Why a reading took no part."""
+
+    OUTLIER = "outlier"
+    SATURATED = "saturated"
+
+
 class SetAside(Record):
     """A reading that took no part in the fit."""
 
     row: int = Field(description="row of the table, from 0")
-    reason: Literal["outlier", "saturated"]
+    reason: WhyAside
     x_m: float
     y_m: float
     z_m: float
@@ -280,7 +297,7 @@ class LeftOver(Record):
     )
 
 
-class DoubtReason(_Word):
+class DoubtReason(Word):
     """Why no effect can be named, and none ruled out."""
 
     NOTHING_BRIGHT = "no bright reading is left"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from scipy import special
@@ -23,7 +22,7 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestab
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
-from lightfield.diagnosis.verdict.parts import CONTRADICTED_SIGMA, Estimate, StatedEffect
+from lightfield.diagnosis.verdict.parts import CONTRADICTED_SIGMA, Estimate, Judgement, StatedEffect
 from lightfield.fitting import effects
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
@@ -31,7 +30,6 @@ from lightfield.scene import Scene
 
 #: Why what no test moved is held as stated.
 _NO_EFFECT, _NOT_ASKED = (Hindrance(Hinders.NO_EFFECT),), (Hindrance(Hinders.NOT_ASKED),)
-Judgement = Literal["supported", "undecided", "contradicted", "absent"]
 
 #: An effect can be left out when the readings are worse without it by less than this, in sigma.
 #: Chosen: noise alone makes it that in one case of 370.
@@ -76,9 +74,9 @@ class Judged:
         """What to call it; what is far off and yet not contradicted has a rival that explains as much."""
         removable = self.sigma_to_remove is not None and self.sigma_to_remove < REMOVABLE_SIGMA
         if self.contradicted:
-            return "absent" if removable else "contradicted"
+            return Judgement.ABSENT if removable else Judgement.CONTRADICTED
         far = self.sigma_from_stated > CONTRADICTED_SIGMA
-        return "undecided" if removable or far else "supported"
+        return Judgement.UNDECIDED if removable or far else Judgement.SUPPORTED
 
 
 def _removed(candidate: Candidate) -> Candidate:
@@ -262,7 +260,7 @@ def stated_effects(
         out.append(
             StatedEffect(
                 effect=name,
-                judgement="held",
+                judgement=Judgement.HELD,
                 stated={path: float(parameter.value)},
                 held_by=list(why),
             )

@@ -15,7 +15,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.ladder import bright
-from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, SetAside
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, SetAside, WhyAside
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 
@@ -113,7 +113,7 @@ def set_aside(readings: Readings, trust: Trust) -> list[SetAside]:
     def entry(i: int, sigma: float | None) -> SetAside:
         wavelength = float(readings.wavelength_nm[i])
         return SetAside(
-            row=i, reason="saturated" if sigma is None else "outlier",
+            row=i, reason=WhyAside.SATURATED if sigma is None else WhyAside.OUTLIER,
             x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
             medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
             off_sigma=sigma,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, computed_field
 
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.untestable import Hindrance
 from lightfield.diagnosis.verdict.cautions.caution import Caution
@@ -48,17 +49,17 @@ class Explained(Record):
     @computed_field(description="effects that no other set of about as many does without")  # type: ignore[prop-decorator]
     @property
     def certain(self) -> list[str]:
-        return [one.effect for one in self.found if one.level == "certain"]
+        return [one.effect for one in self.found if one.level == Certainty.CERTAIN]
 
     @computed_field(description="effects that only sets of more parameters do without")  # type: ignore[prop-decorator]
     @property
     def simplest(self) -> list[str]:
-        return [one.effect for one in self.found if one.level == "simplest"]
+        return [one.effect for one in self.found if one.level == Certainty.SIMPLEST]
 
     @computed_field(description="effects that are certain as far as an unexplained rest allows")  # type: ignore[prop-decorator]
     @property
     def partial(self) -> list[str]:
-        return [one.effect for one in self.found if one.level == "partial"]
+        return [one.effect for one in self.found if one.level == Certainty.PARTIAL]
 
 
 class LeftOpen(Record):

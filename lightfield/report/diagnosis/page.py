@@ -214,7 +214,7 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     return {
         "effect": plain(one.effect),
         "level": short_level(one),
-        "kind": "good" if one.level in ("certain", "simplest") else "open",
+        "kind": "good" if one.level.is_claimed else "open",
         "instead": instead(one) or "–",
         "size": effect_size(one),
         "numbers": [*numbers, f"{one.weight:.2f}", *less],

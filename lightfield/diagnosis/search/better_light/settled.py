@@ -16,6 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import go_together
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -219,7 +220,7 @@ def _with_scattering_instead(prepared: Prepared, finding: SearchResult, seed: in
     claimed, cheaper = [e.candidate for e in known if e.is_claimed], list[FittedSet]()
     for k, one in enumerate(known):
         kept = [c for c in claimed if c is not one.candidate]
-        is_near = one.level == "certain" and named(one.candidate) and one.gap_named < _WITHIN
+        is_near = one.level == Certainty.CERTAIN and named(one.candidate) and one.gap_named < _WITHIN
         if not (is_near and go_together((*kept, more))):
             continue
         rival = pool.finished(pool.fit((*kept, more), [begin_at(node)]))

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
@@ -20,8 +20,6 @@ from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
-
-Certainty = Literal["certain", "simplest", "one of", "partial"]
 
 #: Gaps in cost to the best set without an effect: of named effects; with a curve that contains it too; and,
 #: of named effects again, at equal weight for every parameter, with at most one effect more: a curve that
@@ -82,11 +80,11 @@ class Evidence:
     @property
     def is_claimed(self) -> bool:
         """Is it the answer, or the simplest one?"""
-        return self.level in ("certain", "simplest")
+        return self.level.is_claimed
 
     def in_part(self) -> Evidence:
         """The same where the set holds something of which only the place is known."""
-        return replace(self, level="partial" if self.level == "certain" else "one of")
+        return replace(self, level=Certainty.PARTIAL if self.level == Certainty.CERTAIN else Certainty.ONE_OF)
 
     def against(self, weighing: Weighing, rival: FittedSet) -> Evidence:
         """The same of a claimed effect where one more set does without it."""
@@ -184,19 +182,18 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     gap_plus = _least(weighing.above_unpriced(n) for n in weighing.with_one_more(named))
     rest = pool.nodes.get(best.key - {candidate.key})
     sigma = np.sqrt(max(rest.fit.chi2 - best.fit.chi2, 0.0) / weighing.phi) if rest else float("nan")
-    level: Certainty
     like_water = water_may_do_it(pool, best, candidate)
     other_lamp = adequate and may_be_another_lamp(pool, best, candidate)
     if candidate.is_hardly_tested or like_water:  # that it fits says nothing: any would
-        level = "one of"
+        level = Certainty.ONE_OF
     elif not adequate:
         left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
         part = min(gap, gap_named) > PARTIAL * left and not _strained(best)
-        level = "partial" if part else "one of"
+        level = Certainty.PARTIAL if part else Certainty.ONE_OF
     elif beyond or _at_edge(pool, best, candidate) or _only_contained(name, pool.best()):
-        level = "one of"
+        level = Certainty.ONE_OF
     else:
-        most: Certainty = "simplest" if other_lamp else "certain"
+        most = Certainty.SIMPLEST if other_lamp else Certainty.CERTAIN
         level = _weaker(_claim(gap, gap_named, gap_plus), most)
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
@@ -218,15 +215,15 @@ def may_be_another_lamp(pool: Pool, node: FittedSet, candidate: Candidate) -> bo
 def _claim(gap: float, gap_named: float, gap_plus: float) -> Certainty:
     """How sure an effect is by its gaps, where nothing else speaks against it."""
     if not (gap_named > NAMED_GAP and gap > GAP):
-        return "one of"
+        return Certainty.ONE_OF
     if gap_plus > PLUS_GAP:
-        return "certain"
-    return "simplest" if gap_plus > -PLUS_GAP else "one of"
+        return Certainty.CERTAIN
+    return Certainty.SIMPLEST if gap_plus > -PLUS_GAP else Certainty.ONE_OF
 
 
 def _weaker(one: Certainty, other: Certainty) -> Certainty:
     """The less sure of two levels."""
-    return max(one, other, key=("certain", "simplest", "one of", "partial").index)
+    return max(one, other, key=list(Certainty).index)
 
 
 def contained(name: str, node: FittedSet) -> bool:

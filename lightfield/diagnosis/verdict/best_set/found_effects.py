@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from lightfield.arrays import finite
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.pool.evidence import Evidence
@@ -55,7 +56,7 @@ def _record(
         family=candidate.effect.family,
         form=candidate.form.name,
         # What was not sought by its shape, the lamp's power, rests on the calibration alone.
-        level="simplest" if finding.identified or candidate.name == POWER else "one of",
+        level=Certainty.SIMPLEST if finding.identified or candidate.name == POWER else Certainty.ONE_OF,
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
         rms_percent=_rms_percent(forward, candidate, fit),
         hardly_tested=candidate.is_hardly_tested,
@@ -65,7 +66,7 @@ def _record(
     if one is None:
         return known
     # Where one or two effects were sought, all sets of them were: what they identify is no slot.
-    level = "simplest" if finding.identified and one.level == "one of" else one.level
+    level = Certainty.SIMPLEST if finding.identified and one.level == Certainty.ONE_OF else one.level
     return known.model_copy(
         update={
             "level": level,

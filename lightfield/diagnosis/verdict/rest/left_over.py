@@ -13,6 +13,7 @@ import numpy as np
 
 from lightfield.arrays import TINY, Array, finite
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.local_unknowns import with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
@@ -127,7 +128,8 @@ def _pool(
 def _certain(pool: Pool, finding: SearchResult, node: FittedSet) -> list[FittedSet]:
     """The base model, and with what is certain all the same: the rest of the best set may only imitate."""
     begin = Begin(node.fit.by_path)
-    partial = [e.candidate.key for e in finding.many.evidence if e.level == "partial"] if finding.many else []
+    known = finding.many.evidence if finding.many else ()
+    partial = [e.candidate.key for e in known if e.level == Certainty.PARTIAL]
     sure = tuple(c for c in node.explanation if c.key in partial)
     return [pool.finished(pool.fit(some, [begin])) for some in {(), sure} if some != node.explanation]
 

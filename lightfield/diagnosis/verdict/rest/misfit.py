@@ -15,6 +15,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.families import free_factors
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import SearchResult
@@ -106,7 +107,8 @@ def _spot(problem: Problem, at: int) -> PlaceToRead:
 
 def _refitted(problem: Problem, finding: SearchResult, plain: Whitener) -> tuple[Explanation, Fit]:
     """The base model, and what is certain all the same."""
-    known = tuple(e.candidate for e in finding.many.evidence if e.level == "partial") if finding.many else ()
+    every = finding.many.evidence if finding.many else ()
+    known = tuple(e.candidate for e in every if e.level == Certainty.PARTIAL)
     like = finding.closest.fit if known and finding.closest else finding.level.base
     return known, problem.fit(known, plain, [problem.model(known).at(like.by_path)])
 

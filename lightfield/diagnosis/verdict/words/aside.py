@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lightfield.diagnosis.verdict.parts import SetAside
+from lightfield.diagnosis.verdict.parts import SetAside, WhyAside
 from lightfield.diagnosis.verdict.speech import place
 
 #: Readings set aside that the sentence names one by one. Chosen: words alone.
@@ -28,7 +28,7 @@ def sentence(aside: Sequence[SetAside], readings: int, waves: bool) -> str:
     waves : bool
         Several wavelengths were read.
     """
-    outliers = [e for e in aside if e.reason == "outlier"]
+    outliers = [e for e in aside if e.reason == WhyAside.OUTLIER]
     said = []
     if outliers:
         named = "; ".join(f"{place(e, waves)}, {off(e)}" for e in outliers[:_NAMED_ASIDE])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
 from lightfield.diagnosis.verdict.speech import capital, exactly, join, roughly, short
 from lightfield.fitting import effects
@@ -23,12 +24,12 @@ _ALTERNATIVES_TOLD = 3
 
 def level(one: FoundEffect) -> str:
     """How sure an effect is, with what else would do."""
-    if one.level == "certain":
+    if one.level == Certainty.CERTAIN:
         return "certain"
-    if one.level == "partial":
+    if one.level == Certainty.PARTIAL:
         return "certain as far as the unexplained rest allows"
     others = instead(one)
-    if one.level == "simplest":
+    if one.level == Certainty.SIMPLEST:
         also = f"; {others} would do as well" if others else ""
         return f"simplest{also}{'; perhaps' + _DETAIL if one.lamp_detail else ''}"
     if others:
@@ -40,12 +41,12 @@ def level(one: FoundEffect) -> str:
 
 def short_level(one: FoundEffect) -> str:
     """The same in a word or two: one of nothing is not sure."""
-    return "not sure" if one.level == "one of" and not instead(one) else one.level
+    return "not sure" if one.level == Certainty.ONE_OF and not instead(one) else one.level
 
 
 def follows_any(one: FoundEffect) -> bool:
     """Is it a curve that nothing replaces, and that is not sure all the same?"""
-    return one.level == "one of" and one.hardly_tested and not instead(one)
+    return one.level == Certainty.ONE_OF and one.hardly_tested and not instead(one)
 
 
 def instead(one: FoundEffect) -> str:
@@ -63,8 +64,8 @@ def shared(
 ) -> tuple[list[str], list[str]]:
     """Of effects that all explanations name: which are certain, and what else does as well, in sentences."""
     common = [one for one in found if all(one.effect in each.effects for each in explanations)]
-    certain = [one.effect for one in common if one.level == "certain"]
-    open_ = [one for one in common if one.level == "one of" and instead(one)]
+    certain = [one.effect for one in common if one.level == Certainty.CERTAIN]
+    open_ = [one for one in common if one.level == Certainty.ONE_OF and instead(one)]
     return certain, [f"Instead of {plain(o.effect)}: {instead(o)}." for o in open_]
 
 
@@ -96,7 +97,8 @@ def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "
     misfit : str
         Of what, where not of all readings: " of the others".
     """
-    names, certain = [one.effect for one in found], [one.effect for one in found if one.level == "partial"]
+    names = [one.effect for one in found]
+    certain = [one.effect for one in found if one.level == Certainty.PARTIAL]
     # What a local unknown removes is not theirs.
     theirs = (rung for rung in ladder if rung.effects and rung.effects[-1] in names)
     removed = sum(rung.removed_percent or 0.0 for rung in theirs)

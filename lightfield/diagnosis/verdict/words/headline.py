@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Final
 
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,
@@ -157,11 +158,11 @@ def _either(sets: Sequence[Sequence[str]], more: str) -> str:
 
 def _many(v: VerdictData, found: Sequence[FoundEffect]) -> Said:
     """The effects of the best set that are missing in the model, each by what is known of it."""
-    sure = [one.effect for one in found if one.level in ("certain", "simplest")]
-    certain = [one.effect for one in found if one.level == "certain"]
+    sure = [one.effect for one in found if one.level.is_claimed]
+    certain = [one.effect for one in found if one.level == Certainty.CERTAIN]
     support = [f"Certain: {join(certain)}."] if certain else []
-    support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == "simplest"]
-    slots = "; ".join(_slot(one) for one in found if one.level == "one of")
+    support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == Certainty.SIMPLEST]
+    slots = "; ".join(_slot(one) for one in found if one.level == Certainty.ONE_OF)
     if not slots:
         if but := _unsure(found) if v.verdict == "ambiguous" else None:
             what = f"Perhaps {join(sure)}: they would explain the misfit, but {but}."

@@ -8,6 +8,7 @@ from lightfield.diagnosis.verdict.parts import (
     CONTRADICTED_SIGMA,
     AcceptedExplanation,
     Estimate,
+    Judgement,
     NearestRival,
     StatedEffect,
 )
@@ -15,8 +16,6 @@ from lightfield.diagnosis.verdict.speech import in_unit
 from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.wording import plain
 
-#: Judgements that contradict the scene.
-_REFUTED = ("absent", "contradicted")
 #: From here on the distance is told, though nothing is contradicted: one in twenty is so far away (chosen).
 _TOLD_SIGMA = 2.0
 
@@ -24,7 +23,7 @@ _TOLD_SIGMA = 2.0
 def _clause(entry: StatedEffect) -> str:
     """How the readings contradict the scene, as part of a sentence."""
     whose = f"your scene's {plain(entry.effect or '')}"
-    if entry.judgement == "absent":
+    if entry.judgement == Judgement.ABSENT:
         path, value = next(iter(entry.stated.items()))
         return f"{whose} is not in the readings ({_bound(entry, path)}, not {value:.4g})"
     found = [f"{path} = {_value(entry.fitted[path])}, not {entry.stated[path]:.4g}" for path in entry.stated]
@@ -47,7 +46,7 @@ def _value(estimate: Estimate) -> str:
 
 def against(entries: Sequence[StatedEffect]) -> dict[str | None, str]:
     """How the readings contradict the scene, by effect; empty where they do not."""
-    return {entry.effect: _clause(entry) for entry in entries if entry.judgement in _REFUTED}
+    return {entry.effect: _clause(entry) for entry in entries if entry.judgement.contradicts_scene}
 
 
 def beside_scene(v: VerdictData) -> tuple[list[AcceptedExplanation], NearestRival | None]:
@@ -66,9 +65,9 @@ def stated_lines(stated: Sequence[StatedEffect]) -> list[str]:
     """What the verdict says of each of them, a line each; those held fixed share one."""
     out = []
     for entry in stated:
-        if entry.judgement in _REFUTED:
+        if entry.judgement.contradicts_scene:
             out.append(f"stated: {_clause(entry)}")
-        elif entry.judgement != "held":
+        elif entry.judgement != Judgement.HELD:
             path, value = next(iter(entry.stated.items()))
             out.append(
                 f"stated: your scene's {plain(entry.effect or '')} {_standing(entry)}; "
@@ -76,9 +75,8 @@ def stated_lines(stated: Sequence[StatedEffect]) -> list[str]:
             )
             if entry.if_free:
                 out.append(_conditional(entry, path, value))
-    held = [
-        f"{path} = {value:.4g}" for e in stated if e.judgement == "held" for path, value in e.stated.items()
-    ]
+    as_stated = [e for e in stated if e.judgement == Judgement.HELD]
+    held = [f"{path} = {value:.4g}" for e in as_stated for path, value in e.stated.items()]
     return [*out, "held as stated: " + ", ".join(held)] if held else out
 
 
@@ -96,7 +94,7 @@ def _apart(entry: StatedEffect) -> str:
 
 def _standing(entry: StatedEffect) -> str:
     """What the readings say of an effect that they do not contradict."""
-    if entry.judgement == "supported":
+    if entry.judgement == Judgement.SUPPORTED:
         sure = entry.sigma_to_remove
         return "agrees with the readings" if sure is None else f"is in the readings ({sure:.1f} sigma)"
     if (entry.sigma_from_stated or 0.0) > CONTRADICTED_SIGMA:
