@@ -11,6 +11,7 @@ from pathlib import Path
 from lightfield.commands.shared.answer import outputs_of, write_json
 from lightfield.commands.shared.options import add_option, effects_asked
 from lightfield.commands.shared.progress import stage_line
+from lightfield.diagnosis.verdict.parts import Kind
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
 from lightfield.fitting.effects import all_of, curves
@@ -113,7 +114,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
     print(found.as_text())
     if found.older:
         print(f"of earlier runs, not touched: {', '.join(found.older)}")
-    if args.output and found.verdict.verdict == "unexplained":
+    if args.output and found.verdict.verdict == Kind.UNEXPLAINED:
         print(f"hypotheses to begin with, for --effects-file: {args.output / HYPOTHESES}")
     if args.report:
         from lightfield.api.diagnosis import Diagnosis

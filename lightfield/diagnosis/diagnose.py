@@ -22,7 +22,7 @@ from lightfield.diagnosis.verdict import calibration, compose
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
-from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, Kind
 from lightfield.diagnosis.verdict.rest.left_over import ranked
 from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.trust import standard_errors
@@ -158,9 +158,14 @@ class Diagnosis:
             )  # fmt: skip
             told = {"fitted_percent": fitted, "rendered_percent": fresh}
             update["cautions"] = [*verdict.cautions, Caution(warns=Warns.NOT_CONFIRMED, values=told)]
-            if verdict.verdict != "unexplained":
+            if verdict.verdict != Kind.UNEXPLAINED:
                 found = [one.model_copy(update={"level": Certainty.ONE_OF}) for one in verdict.found]
-                update |= {"verdict": "unexplained", "effects": [], "reason_to_doubt": doubt, "found": found}
+                update |= {
+                    "verdict": Kind.UNEXPLAINED,
+                    "effects": [],
+                    "reason_to_doubt": doubt,
+                    "found": found,
+                }
         return replace(self, verdict=verdict.model_copy(update=update))
 
     @property
@@ -233,12 +238,12 @@ class Diagnosis:
                 temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
             before.discard(CURVES)
         read = effects_file is not None and Path(effects_file).resolve() == (target / HYPOTHESES).resolve()
-        if verdict.verdict == "unexplained" and not read:
+        if verdict.verdict == Kind.UNEXPLAINED and not read:
             with atomic_path(target / HYPOTHESES) as temporary:
                 temporary.write_text(
                     as_file(ranked(local_unknowns(self.readings), verdict.left_over)), encoding="utf-8"
                 )
-        if verdict.verdict == "unexplained" or read:
+        if verdict.verdict == Kind.UNEXPLAINED or read:
             before.discard(HYPOTHESES)
         with atomic_path(target / VERDICT) as temporary:
             temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")

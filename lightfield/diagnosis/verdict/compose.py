@@ -178,8 +178,8 @@ def _of_best(finding: SearchResult, units: dict[str, str]) -> dict[str, Estimate
 def kind_of(finding: SearchResult) -> Kind:
     """The kind of verdict that a finding is."""
     if finding.best is not None:
-        return "identified" if finding.identified else "ambiguous"
-    return "none" if finding.size == 0 else "unexplained"
+        return Kind.IDENTIFIED if finding.identified else Kind.AMBIGUOUS
+    return Kind.NONE if finding.size == 0 else Kind.UNEXPLAINED
 
 
 class _Undecided(NamedTuple):
@@ -196,7 +196,7 @@ def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _Undecided:
     prepared, finding = basis.prepared, basis.finding
     best = finding.best
     if best is None:
-        if kind != "unexplained" or finding.withheld or finding.in_part:
+        if kind != Kind.UNEXPLAINED or finding.withheld or finding.in_part:
             return _Undecided()
         local = left_over(prepared, finding, basis.readings) if advise or finding.unknown else []
         misfit, advice = unexplained(prepared, finding, local)
@@ -207,7 +207,7 @@ def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _Undecided:
     if near is not None:
         rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
     other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
-    if kind != "ambiguous" or other is None or not advise:
+    if kind != Kind.AMBIGUOUS or other is None or not advise:
         return _Undecided(rival)
     return _Undecided(rival, where_next(prepared, finding, basis.forward, best, other))
 

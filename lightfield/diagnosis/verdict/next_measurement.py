@@ -114,9 +114,9 @@ def _look(asked: NextMeasurement) -> str:
 
 #: Where no answer is sure, and yet no reading is named.
 _UNASKED: dict[Kind, str] = {
-    "ambiguous": "No reading is named that would tell for sure: that is worked out where two whole "
+    Kind.AMBIGUOUS: "No reading is named that would tell for sure: that is worked out where two whole "
     "explanations stand against each other. A plan says what other places could tell apart.",
-    "unexplained": "No reading is named before what is said above is cleared up.",
+    Kind.UNEXPLAINED: "No reading is named before what is said above is cleared up.",
 }
 _WORDS = {
     Asks.PART: _part,

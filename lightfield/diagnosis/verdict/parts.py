@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import BaseModel, ConfigDict, Field, computed_field, model_validator
 
 from lightfield.diagnosis.adequacy.structure import Structure
@@ -11,7 +9,14 @@ from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
 from lightfield.wording import Word
 
-Kind = Literal["none", "identified", "ambiguous", "unexplained"]
+
+class Kind(Word):
+    """What a verdict comes to: nothing is missing, these effects are, one of several sets, or not known."""
+
+    NONE = "none"
+    IDENTIFIED = "identified"
+    AMBIGUOUS = "ambiguous"
+    UNEXPLAINED = "unexplained"
 
 
 class Record(BaseModel):

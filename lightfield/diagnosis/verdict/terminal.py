@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
-from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
@@ -38,7 +38,7 @@ def as_text(verdict: Verdict) -> str:
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
     lines += _found(verdict.found)
-    if verdict.verdict == "none" and verdict.ladder:
+    if verdict.verdict == Kind.NONE and verdict.ladder:
         lines.append(f"fitted: {_values(verdict.ladder[-1].parameters)}")
     for explanation in verdict.explanations[:_SHOWN]:
         values = _values(explanation.parameters)
@@ -46,13 +46,13 @@ def as_text(verdict: Verdict) -> str:
     if verdict.next_measurement:
         lines.append(f"next: {verdict.next_measurement.sentence}")
     reachable = {k: v for k, v in verdict.detection_limits.items() if v.within_range}
-    if reachable and verdict.verdict == "none":
+    if reachable and verdict.verdict == Kind.NONE:
         listed = ", ".join(
             f"{k} {v.value:.2g} {'' if v.unit == '1' else v.unit}".rstrip() for k, v in reachable.items()
         )
         lines.append("would have been seen, each alone: " + listed)
     hidden = [name for name, each in verdict.detection_limits.items() if not each.within_range]
-    if hidden and verdict.verdict == "none":
+    if hidden and verdict.verdict == Kind.NONE:
         lines.append(f"could not have been seen, not even at the largest plausible size: {', '.join(hidden)}")
     alike: dict[tuple[Hindrance, ...], list[str]] = {}
     for name, why in verdict.hindrances.items():

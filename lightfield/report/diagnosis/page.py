@@ -11,6 +11,7 @@ from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     DetectionLimit,
     FoundEffect,
+    Kind,
     NearestRival,
     PlaceToRead,
     Rung,
@@ -37,10 +38,10 @@ from lightfield.report.tank import tank_figure
 from lightfield.wording import plain
 
 TAGS = {
-    "none": ("good", "nothing missing"),
-    "identified": ("good", "identified"),
-    "ambiguous": ("open", "cannot be told apart"),
-    "unexplained": ("bad", "unexplained"),
+    Kind.NONE: ("good", "nothing missing"),
+    Kind.IDENTIFIED: ("good", "identified"),
+    Kind.AMBIGUOUS: ("open", "cannot be told apart"),
+    Kind.UNEXPLAINED: ("bad", "unexplained"),
 }
 #: Names of the figures.
 DRAWN = ("data", "residuals", "ladder", "tank", "curves", "left", "signatures", "separation")

@@ -12,6 +12,7 @@ from lightfield.diagnosis.verdict.parts import (
     Doubt,
     DoubtReason,
     FoundEffect,
+    Kind,
     NearestRival,
     Reason,
 )
@@ -36,7 +37,7 @@ _AS_STATED = 0.8, 1.25
 
 def words_of(v: VerdictData) -> Said:
     """Headline and what supports it."""
-    why, open_ = v.reason_to_doubt, v.verdict == "unexplained"
+    why, open_ = v.reason_to_doubt, v.verdict == Kind.UNEXPLAINED
     told = _found(v) if why is None else _doubted(v, why)
     if why is None and open_:
         told = told.then(rest.sentences(v.left_over, v.misfit))
@@ -59,7 +60,7 @@ def _found(v: VerdictData) -> Said:
     if not against:
         return _of_kind(v, told, rival)
     refuted = capital("; ".join(against.values())) + "."
-    if v.verdict == "identified":
+    if v.verdict == Kind.IDENTIFIED:
         one = v.explanations[0]
         left = [(e, f) for e, f in zip(one.effects, one.families, strict=True) if e not in against]
         if not left:
@@ -77,13 +78,13 @@ def _of_kind(v: VerdictData, told: Sequence[AcceptedExplanation], rival: Nearest
     told : sequence of AcceptedExplanation
         The explanations with their effects as they are to be called.
     """
-    if v.verdict == "unexplained":
+    if v.verdict == Kind.UNEXPLAINED:
         return _unexplained(v)
-    if v.verdict == "none":
+    if v.verdict == Kind.NONE:
         return _none(v)
     if len(v.found) >= MANY:
         return _many(v, [one for one in v.found if one.effect not in stated.against(v.stated)])
-    if v.verdict == "identified":
+    if v.verdict == Kind.IDENTIFIED:
         return _identified(v, told[0], rival)
     return _one_of(v, told, rival) if len(told) > 1 else _perhaps(v, told[0])
 
@@ -164,7 +165,7 @@ def _many(v: VerdictData, found: Sequence[FoundEffect]) -> Said:
     support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == Certainty.SIMPLEST]
     slots = "; ".join(_slot(one) for one in found if one.level == Certainty.ONE_OF)
     if not slots:
-        if but := _unsure(found) if v.verdict == "ambiguous" else None:
+        if but := _unsure(found) if v.verdict == Kind.AMBIGUOUS else None:
             what = f"Perhaps {join(sure)}: they would explain the misfit, but {but}."
             return Said.of(what, *support)
         return Said.of(f"{_missing(sure)}." if sure else "Nothing else is missing in the model.", *support)
