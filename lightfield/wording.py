@@ -1,5 +1,5 @@
-"""How the names of effects, quantities and fields are written for people, and numbers with their sign; words
-that are data as well."""
+"""How the names of effects, quantities and fields are written for people, numbers with their sign, and the
+beginning of a sentence; words that are data as well."""
 
 from __future__ import annotations
 
@@ -19,6 +19,11 @@ class Word(str, Enum):
 def plain(name: str) -> str:
     """A name, or several in a row, for people: "beam tilt", "CDOM"."""
     return _CDOM.sub("CDOM", name.replace("_", " "))
+
+
+def capital(text: str) -> str:
+    """The same as the beginning of a sentence; only its first letter changes."""
+    return text[:1].upper() + text[1:]
 
 
 def minus(number: str) -> str:

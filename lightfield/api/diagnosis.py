@@ -230,7 +230,7 @@ class Together(ToldByDetails[expected.Together]):
 
     @property
     def headline(self) -> str:
-        return self.details.sentence
+        return self.details.headline
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The chance of every effect to be certain."""

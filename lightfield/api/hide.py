@@ -54,7 +54,7 @@ class Riddle(Result[hiding.Hidden]):
     def as_text(self) -> str:
         known = f"the light is known to {self.details.truth['light_error_percent']:.2g} %"
         doubt = self.details.in_doubt
-        warned = "" if doubt is None else f"\nwarning: {doubt.as_text()} (max_photons)"
+        warned = "" if doubt is None else f"\nwarning: {doubt} (max_photons)"
         return f"{self.headline}\n{known}, stated with the errors{warned}"
 
     def as_data(self) -> dict[str, Any]:

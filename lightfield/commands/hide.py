@@ -99,6 +99,6 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
         print(f"replaced, of a riddle of before: {', '.join(replaced)}")
     print(f"readings: {folder / 'data.csv'}, scene: {folder / 'scene.toml'}")
     if made.in_doubt is not None:
-        print(f"warning: {made.in_doubt.as_text()} (--max-photons)")
+        print(f"warning: {made.in_doubt} (--max-photons)")
     print(f"do not look: {folder / 'truth.json'}")
     return 0

@@ -105,7 +105,7 @@ class Together:
         return [one.effect for one in self.expected if one.level in levels]
 
     @property
-    def sentence(self) -> str:
+    def headline(self) -> str:
         """The answer."""
         parts = (
             ("would be certain", self.of_level(Outlook.CERTAIN)),
@@ -148,7 +148,7 @@ class Together:
 
     def as_text(self) -> str:
         """For people, several lines."""
-        lines = [self.sentence, ""]
+        lines = [self.headline, ""]
         for row in (HEAD, *self.rows()):
             lines.append("{:<20} {:>7} {:>9} {:>8} {:>7}  {}; {}".format(*row))
         return "\n".join([*lines, "", *ABOUT, *self.about_curves, *(f"assumed: {a}" for a in self.assumed)])

@@ -96,7 +96,7 @@ class LightInDoubt:
     noise_percent: float
     photons: float
 
-    def as_text(self) -> str:
+    def __str__(self) -> str:
         """One sentence, with the remedy."""
         return (
             f"at {self.readings} of {self.of} readings the render's own error, "

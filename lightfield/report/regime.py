@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from lightfield.arrays import Array
 from lightfield.report.style import MUTED, NARROW, WIDTH, figure, label
 from lightfield.studies.regime import ERRORS, undecided
-from lightfield.wording import minus
+from lightfield.wording import capital, minus
 
 #: From blue to orange, light enough for dark numbers: told apart by those who see no red and green.
 COLOURS = ("#6ea6d8", "#c3dbef", "#f3dd9b", "#e2905a")
@@ -40,7 +40,7 @@ def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
             error_cells(axis, error[i], stderr[i], 6.5 if narrow else 9, whole=narrow)
             axis.set_xticks(range(len(depths)), [f"{d:g}" for d in depths])
             axis.set_yticks(range(len(albedos)), [f"{a:g}" for a in albedos])
-            label(axis, "", "albedo b / c", str(receiver)[:1].upper() + str(receiver)[1:])
+            label(axis, "", "albedo b / c", capital(str(receiver)))
         axes[-1].set_xlabel("optical thickness c z")
         colours_named(fig, narrow)
         gap, then = ("\n", "\n") if narrow else (" ", "; ")

@@ -27,7 +27,7 @@ from lightfield.report.style import (
 )
 from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.results import axes_of
-from lightfield.wording import plain
+from lightfield.wording import capital, plain
 
 MOST_LINES, MOST_TILES, FEW_TILES = 6, 5, 2
 
@@ -52,7 +52,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     middle = held.sizes[_plane(held)] // 2
     plane = _plane(held)
     panels = {
-        f"on_axis_{quantity}": f"{plain(quantity).capitalize()} on the axis",
+        f"on_axis_{quantity}": f"{capital(plain(quantity))} on the axis",
         "half_width_m": "Half width of the spot",
         "plane_power": "Integral over the plane",
         "formula_error_on_axis": "Error of the formula on the axis",

@@ -62,7 +62,7 @@ def together_page(made: Together) -> str:
         told.append(f"Assumed: {'; '.join(map(str, made.assumed))}.")
     return study_page(
         "Which effects would be certain?",
-        made.sentence,
+        made.headline,
         (),
         [Section("Effect by effect", (chances,), told, (table,))],
     )

@@ -7,21 +7,25 @@ from pathlib import Path
 
 import lightfield
 from lightfield.diagnosis.verdict.parts import Reason
-from lightfield.wording import minus, plain
+from lightfield.wording import capital, minus, plain
 
 
 def test_names_are_words() -> None:
     assert plain("beam_tilt") == "beam tilt" and plain("+ cdom") == "+ CDOM"
     assert plain("cdom + stray_light") == "CDOM + stray light" and plain("cdoms") == "cdoms"
+    assert capital("what CDOM does") == "What CDOM does" and capital("") == ""
     assert minus("-0.3") == "\N{MINUS SIGN}0.3" and minus("0.3") == "0.3"
 
 
 def test_they_are_made_in_one_place() -> None:
-    """Elsewhere nobody swaps an underscore for a space, nor a hyphen for a minus sign; a search may."""
+    """Elsewhere nobody swaps an underscore for a space, nor a hyphen for a minus sign; a search may. Nor does
+    anybody else begin a sentence."""
     package = Path(lightfield.__file__).parent
     swaps = re.compile(r"""replace\((["'])_\1, (["']) \2\)|replace\((["'])-\3, (["'])(−|\\N\{MINUS)""")
-    found = {file.name for file in package.rglob("*.py") if swaps.search(file.read_text(encoding="utf-8"))}
-    assert found == {"wording.py", "par.py"}
+    raises = re.compile(r"\[:1\]\.upper\(\)|\[0\]\.upper\(\) \+|\.capitalize\(\)")
+    texts = {file: file.read_text(encoding="utf-8") for file in package.rglob("*.py")}
+    assert {file.name for file, text in texts.items() if swaps.search(text)} == {"wording.py", "par.py"}
+    assert {file.name for file, text in texts.items() if raises.search(text)} == {"wording.py"}
 
 
 def test_a_reason_is_said_shorter_without_its_cause() -> None:

@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 from lightfield.commands.shared.options import add_option
 from lightfield.errors import UsageError, did_you_mean
 from lightfield.version import __version__
+from lightfield.wording import capital
 
 #: From this likeness on a word is taken for another one misspelt.
 _ALIKE = 0.7
@@ -141,7 +142,7 @@ def _parser(declared: Sequence[str]) -> tuple[_Parser, dict[str, Callable[[argpa
     choices = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     runs = {}
     for name, text in available().items():
-        command = choices.add_parser(name, help=text, description=_sentence(text), parents=[general])
+        command = choices.add_parser(name, help=text, description=f"{capital(text)}.", parents=[general])
         if name in declared:
             module = importlib.import_module(_module(name))
             module.add_arguments(command)
@@ -173,7 +174,3 @@ class _Parser(argparse.ArgumentParser):
 
 def _module(name: str) -> str:
     return f"lightfield.commands.{name}_" if keyword.iskeyword(name) else f"lightfield.commands.{name}"
-
-
-def _sentence(text: str) -> str:
-    return text[0].upper() + text[1:] + "."

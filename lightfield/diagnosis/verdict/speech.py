@@ -45,11 +45,6 @@ class Said:
         return Said(f"{self.sentence} {more}", self.headline, (*self.support, more)) if more else self
 
 
-def capital(text: str) -> str:
-    """The same as the beginning of a sentence."""
-    return text[:1].upper() + text[1:]
-
-
 def join(names: Sequence[str]) -> str:
     """ "a", "a and b", "a, b and c"."""
     words = [plain(n) for n in names]

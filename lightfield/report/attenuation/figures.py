@@ -25,7 +25,7 @@ from lightfield.report.style import (
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import Content
-from lightfield.wording import minus
+from lightfield.wording import capital, minus
 
 #: Errors that are smaller are told with two decimals.
 SMALL_PERCENT = 0.1
@@ -187,6 +187,6 @@ def content_figure(found: Content, narrow: bool = False) -> Figure:
             first = found.beer_lambert.amounts[name]
             axis.axvline(0, color=MUTED, linewidth=0.8)
             axis.set_ylim(0.5, len(models) + 0.6)
-            label(axis, first.unit, "", first.name[:1].upper() + first.name[1:])
+            label(axis, first.unit, "", capital(first.name))
         axes[0].set_yticks(range(len(models), 0, -1), [name for _, name, _ in models])
     return fig

@@ -16,7 +16,7 @@ from lightfield.report.page import fill, page_figure, three_digits, write_page
 from lightfield.report.style import SHORT_UNITS, save_png
 from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
 from lightfield.studies.compare.rings import BEYOND, ERROR_LEVELS
-from lightfield.wording import minus, plain
+from lightfield.wording import capital, minus, plain
 
 HEAD = (
     "z (m)",
@@ -60,7 +60,7 @@ def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
 def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
     """Table of one wavelength that fits a terminal of 80 columns; 1.234(5) means 1.234 ± 0.005."""
     units = SHORT_UNITS.get(comparison.units, comparison.units)
-    quantity = plain(comparison.quantity).capitalize()
+    quantity = capital(plain(comparison.quantity))
     title = f"{quantity} at {wavelength_nm:g} nm, {units}; 1.234(5) is 1.234 ± 0.005"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for head in TERMINAL_HEAD:

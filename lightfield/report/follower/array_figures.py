@@ -29,6 +29,7 @@ from lightfield.studies.follower.design.compared import JudgedArray
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.survey import DOCKING, Survey
+from lightfield.wording import capital
 
 #: In which unit a coordinate is shown, and its factor.
 SHOWN = {name: ("mm", 1e3) if name in POSE[:3] else ("deg", float(np.degrees(1))) for name in POSE}
@@ -131,7 +132,7 @@ def map_figure(survey: Survey, narrow: bool = False) -> Figure:
             )
             axis.grid(False)
             met = 100 * float((survey.space[f"sigma_{name}"].values <= DOCKING[name]).mean())
-            label(axis, "x (m)", "", f"{WORDS[name].capitalize()}: within {met:.0f} %")
+            label(axis, "x (m)", "", f"{capital(WORDS[name])}: within {met:.0f} %")
         for axis in axes if narrow else axes[:1]:
             axis.set_ylabel("distance from the lamp z (m)")
     return fig

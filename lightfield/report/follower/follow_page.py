@@ -19,7 +19,7 @@ from lightfield.scene.in_tank import follower_in
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
-from lightfield.wording import plain
+from lightfield.wording import capital, plain
 
 #: Metrics of the table, beside those of docking.
 SHOWN = (
@@ -86,7 +86,7 @@ def following_page(found: Following) -> str:
     lead = [f"{run_by}. The pose comes from the readings alone, by maximum likelihood and a Kalman filter."]
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
-    return page(title, f"{found.told('±')}.", lead, sections, first.scene, origin)
+    return page(title, f"{found.in_words('±')}.", lead, sections, first.scene, origin)
 
 
 def _run_by(one: Followed) -> str:
@@ -117,10 +117,10 @@ def follow_sweep_page(data: xr.Dataset) -> str:
     verdict = f"{done} of {data.status.size} cases over {', '.join(axes)}: {meaning}."
     sections = [
         section(
-            f"{metric.capitalize()} over {axes[0]}",
+            f"{capital(metric)} over {axes[0]}",
             [
                 page_figure(
-                    "sweep", f"{meaning.capitalize()} ({unit}); bars: standard errors of the mean.",
+                    "sweep", f"{capital(meaning)} ({unit}); bars: standard errors of the mean.",
                     "A metric over parameters", sweep_figure, data, metric,
                 )
             ],

@@ -11,7 +11,7 @@ from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy, told_bias
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import is_told
 from lightfield.studies.follower.sequence import Poses
-from lightfield.wording import minus
+from lightfield.wording import capital, minus
 
 #: Samples that a table shows.
 MOST_ROWS = 40
@@ -141,5 +141,5 @@ def poses_page(poses: Poses) -> str:
             (1 + len(poses.names),),
         )
     ]  # fmt: skip
-    lead = [f"{one.as_text().capitalize()}." for one in poses.losses]
+    lead = [f"{capital(str(one))}." for one in poses.losses]
     return page("Pose", verdict, lead, sections, poses.scene, [("light", light_in_words(poses.traced))])

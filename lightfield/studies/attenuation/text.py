@@ -18,7 +18,7 @@ from lightfield.studies.attenuation.study import (
     beer_lambert_is_off,
     only_without_grey,
 )
-from lightfield.wording import minus
+from lightfield.wording import capital, minus
 
 #: So many colours are printed, in a terminal and on a page; the data hold all.
 SHOWN = 12
@@ -262,7 +262,7 @@ def _not_told_apart(found: Content) -> list[str]:
         for one in model.alternatives:
             names = " or ".join(model.amounts[name].name for name in one.names)
             lines.append(
-                f"{names[:1].upper()}{names[1:]}: these readings cannot tell them apart ({head}). Each alone "
+                f"{capital(names)}: these readings cannot tell them apart ({head}). Each alone "
                 f"may be nothing; all of them cannot: chi-square would rise by {one.rise:.3g}."
             )
     if found.traced is not None and (only := only_without_grey(found)):

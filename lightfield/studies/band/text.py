@@ -9,6 +9,7 @@ import numpy as np
 from lightfield.arrays import jsonable
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.band.study import CRITERIA, FLAT, PAPER_BAND, Bands, BestBand
+from lightfield.wording import capital
 
 #: A share of an attenuation that is none.
 UNTOLD = "no share to tell"
@@ -71,7 +72,7 @@ def untold_sentences(found: Bands) -> list[str]:
     if found.is_grey or not any(np.isnan(b.paper_share) for b in found.best):
         return []
     return [
-        f"{UNTOLD[:1].upper()}{UNTOLD[1:]}: where it is least, attenuation is above 0 by no more than its "
+        f"{capital(UNTOLD)}: where it is least, attenuation is above 0 by no more than its "
         "error (walls send back what the water takes, or too few photons tell)."
     ]
 

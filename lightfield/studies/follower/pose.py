@@ -128,7 +128,7 @@ class PoseEstimate:
             return line
         doubt = "ambiguous, " if self.ambiguous else ""
         count = f"{len(self.rivals)} rival{'s' * (len(self.rivals) > 1)}"
-        return f"{line}; {doubt}{count}, {self.rivals[0].as_text()}"
+        return f"{line}; {doubt}{count}, {self.rivals[0]}"
 
 
 @dataclass(frozen=True)

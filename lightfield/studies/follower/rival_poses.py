@@ -36,7 +36,7 @@ class RivalPose:
             "sigma": self.sigma,
         }
 
-    def as_text(self) -> str:
+    def __str__(self) -> str:
         x, y, z, yaw, pitch, _ = in_degrees(self.pose)
         return (
             f"x {x:.2f}, y {y:.2f}, z {z:.2f} m, yaw {yaw:.0f}, pitch {pitch:.0f} deg "

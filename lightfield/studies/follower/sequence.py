@@ -55,7 +55,7 @@ class Loss:
     sigma_m: tuple[float, float] | None
     found_s: float | None
 
-    def as_text(self) -> str:
+    def __str__(self) -> str:
         found = "it does not come back" if self.found_s is None else f"found again at {self.found_s:.2f} s"
         grown = ""
         if self.sigma_m is not None:
@@ -174,7 +174,7 @@ class Poses:
                 f"filtered, at the end: x {x:.3f}, y {y:.3f}, z {z:.3f} m, yaw {yaw:.2f}, pitch "
                 f"{pitch:.2f} deg"
             )
-        lines += [one.as_text() for one in self.losses]
+        lines += [str(one) for one in self.losses]
         lines.append(
             f"{len(self.estimates)} samples, {self.lost} without light, {self.misfits} that do not fit, "
             f"{self.ambiguous} ambiguous"

@@ -100,9 +100,7 @@ class Survey:
             f"docking ({DOCKING_ASKS}) is met in {100 * self.reaches:.0f} % of the space",
         ]
         if self.rivals:
-            lines.append(
-                f"{len(self.rivals)} other poses look alike; the nearest: {self.rivals[0].as_text()}"
-            )
+            lines.append(f"{len(self.rivals)} other poses look alike; the nearest: {self.rivals[0]}")
         else:
             lines.append("no other pose looks alike")
         return "\n".join(lines)

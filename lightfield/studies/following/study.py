@@ -108,9 +108,9 @@ class Followed:
     @property
     def verdict(self) -> str:
         """One sentence."""
-        return self.told("+-")
+        return self.in_words("+-")
 
-    def told(self, between: str) -> str:
+    def in_words(self, between: str) -> str:
         """The verdict, with this sign between a value and its scatter."""
         found, mission = self.spreads, self.mission
         believes = f"{self.name}: a follower that believes {self.believed}"
@@ -235,14 +235,14 @@ class Following:
     @property
     def verdict(self) -> str:
         """One sentence for all."""
-        return self.told("+-")
+        return self.in_words("+-")
 
-    def told(self, between: str) -> str:
+    def in_words(self, between: str) -> str:
         """The verdict, with this sign between a value and its scatter."""
         asked = {one.mission.standoff_m for one in self.cases}
         docks = any(one.mission.task == "dock" for one in self.cases)
         if len(self.cases) == 1 or docks or len(asked) > 1:
-            return ". ".join(one.told(between) for one in self.cases)
+            return ". ".join(one.in_words(between) for one in self.cases)
         parts = []
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
             alike = [one for one in self.cases if one.mission.believes == believes]

@@ -33,7 +33,7 @@ class Reported(NamedTuple):
     water: str
     source: str
 
-    def as_text(self) -> str:
+    def __str__(self) -> str:
         """The distance."""
         return f"up to {self.to_m:g} m" if not self.from_m else f"{self.from_m:g} to {self.to_m:g} m"
 
@@ -151,7 +151,7 @@ def as_text(found: Link) -> str:
     lines = [headline(found), ""]
     for row in [list(HEAD), *rows(found)]:
         lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f" {cell:>22}" for cell in row[2:]))
-    reported = "; ".join(f"{r.as_text()} ({r.water}; {r.source})" for r in REPORTED)
+    reported = "; ".join(f"{r} ({r.water}; {r.source})" for r in REPORTED)
     return "\n".join([
         *lines, bandwidth_sentence(found), *asked_words(found),
         f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {receiver.area_mm2:g} mm² diode of "
@@ -163,7 +163,7 @@ def as_text(found: Link) -> str:
 
 def reported_rows() -> list[list[str]]:
     """A row per report, in the order of `REPORTED_HEAD`."""
-    return [[r.as_text(), r.water, r.source] for r in REPORTED]
+    return [[str(r), r.water, r.source] for r in REPORTED]
 
 
 def reached(

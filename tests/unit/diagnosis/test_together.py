@@ -76,7 +76,7 @@ def test_what_is_seen_and_what_is_not(made: Together) -> None:
     assert drift.level == "not seen" and drift.sigma < 1 and drift.gap < 0
     assert offset.named > 0.9 and offset.gap < offset.sigma**2
     assert "not seen beside the others" in made.as_text() and "0.03 m" in made.as_text()
-    assert made.sentence.startswith("With these 75 readings")
+    assert made.headline.startswith("With these 75 readings")
     assert made.as_data()["effects"][2]["level"] == "not seen"
 
 
@@ -218,5 +218,5 @@ def test_what_a_lamp_of_another_shape_would_do_is_never_certain(layout: Readings
         "beam_tilt": "simplest",
         "beam_offset": "certain",
     }
-    assert "beam asymmetry and beam tilt would be the simplest explanation" in made.sentence
+    assert "beam asymmetry and beam tilt would be the simplest explanation" in made.headline
     assert made.rows()[0][5] == "the simplest explanation; a lamp of another shape would do as well"

@@ -57,7 +57,7 @@ def test_a_render_worse_than_the_noise_is_told(percent: float, doubted: int) -> 
     assert found.noise_percent == pytest.approx(float(np.median(noise)))
     better = LightAtReadings(light.value, light.stderr / np.sqrt(1.01 * found.photons / 1e6))
     assert in_doubt(better, instrument, shown, found.photons) is None
-    told = found.as_text()
+    told = str(found)
     assert f"{percent:.2g} %" in told and f"{found.noise_percent:.2g} %" in told and "more photons" in told
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
-from lightfield.diagnosis.verdict.speech import capital, exactly, join, roughly, short
+from lightfield.diagnosis.verdict.speech import exactly, join, roughly, short
 from lightfield.fitting import effects
-from lightfield.wording import plain
+from lightfield.wording import capital, plain
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of. Chosen: half.
 _SPOKEN = 50.0

@@ -16,12 +16,12 @@ from lightfield.diagnosis.verdict.parts import (
     NearestRival,
     Reason,
 )
-from lightfield.diagnosis.verdict.speech import Said, capital, in_unit, join
+from lightfield.diagnosis.verdict.speech import Said, in_unit, join
 from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.diagnosis.verdict.words import aside, rest, stated
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
-from lightfield.wording import plain
+from lightfield.wording import capital, plain
 
 #: Effects from which on the verdict is told by what is known of each. Derived: for fewer there are words.
 MANY: Final = 3

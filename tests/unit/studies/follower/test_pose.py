@@ -204,7 +204,7 @@ def test_what_light_loss_looks_like(tmp_path: Path) -> None:
     assert "light lost from 0.80 to 1.00 s" in found.as_text() and "found again at 1.10 s" in found.as_text()
     assert found.as_data()["losses"][0]["why"] == "light lost"
     assert '"why": "light lost"' in json.dumps(found.as_data()["losses"])
-    assert dark.as_text().startswith("light lost from ")
+    assert str(dark).startswith("light lost from ")
 
 
 def written(path: Path, readings: np.ndarray, times: np.ndarray | None = None) -> Path:
