@@ -45,6 +45,8 @@ QUANTITIES = {
     "scalar_irradiance": ("W m-2 nm-1", "spectral scalar irradiance"),
     "radiance": ("W m-2 sr-1 nm-1", "spectral radiance averaged over the cone of the collimator"),
 }
+#: Dimension, values and attributes of a coordinate.
+_Placed = tuple[str, Array, dict[str, str]]
 
 
 def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = None) -> xr.Dataset:
@@ -68,14 +70,14 @@ def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = N
     units, meaning = QUANTITIES[quantity]
     bands = np.asarray(rendering.scene.detector.bands_nm, float)
     centres = bands.mean(axis=1) if wavelengths_nm is None else np.asarray(wavelengths_nm, float)
-    traced: Any = getattr(rendering, "rendering", rendering)
+    traced = rendering.rendering if hasattr(rendering, "rendering") else rendering
     dims, coords = _places(rendering)
     coords["wavelength_nm"] = (
         "wavelength_nm",
         centres,
         {"units": "nm", "standard_name": "radiation_wavelength"},
     )
-    data: dict[str, Any] = {}
+    data: dict[str, tuple[tuple[str, ...], Array, dict[str, str]]] = {}
     inside = getattr(traced.grid, "inside", None)
     cut = dims == DIMS and inside is not None and bool(np.any(inside < 1))
     outside = {"comment": "NaN: cells that are not all in the tank"} if cut else {}
@@ -102,9 +104,9 @@ def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = N
     return dataset
 
 
-def _places(rendering: Rendering | AtPlaces) -> tuple[tuple[str, ...], dict[str, Any]]:
+def _places(rendering: Rendering | AtPlaces) -> tuple[tuple[str, ...], dict[str, _Placed]]:
     """Dimensions and coordinates of the maps: planes, or single positions."""
-    where: Any = getattr(rendering, "grid", rendering)
+    where = rendering.grid if hasattr(rendering, "grid") else rendering
     single = where is rendering
     coords = {
         name: (

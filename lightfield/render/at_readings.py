@@ -6,7 +6,7 @@ There it is the proof of a fitted scene, and the maker of hidden effects.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +20,15 @@ from lightfield.render.direct import direct_at
 from lightfield.render.maps import Rendering, render_scene, software
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import positions_grid
+from lightfield.render.settings import SharedTracing
 from lightfield.scene import Scene
 from lightfield.scene.bands import at_wavelengths, over_bands, read_nm
 from lightfield.scene.lamp.width import core_width_deg
 from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 PHOTONS = 3e6
 REL_ERROR = 0.01
@@ -67,7 +71,9 @@ def rendered_light(
     wavelength = np.asarray(readings.wavelength_nm, float)
     middle = float(np.mean(scene.detector.bands_nm[0]))
     channels = np.where(np.isnan(wavelength), middle, wavelength)
-    settings = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed, "symmetry": symmetry}
+    settings: SharedTracing = {
+        "rel_error": rel_error, "max_photons": max_photons, "seed": seed, "symmetry": symmetry,
+    }  # fmt: skip
     places = {"x": x, "y": y, "z": z, "dry": dry, "wavelength": channels}
     time = np.nan_to_num(np.asarray(readings.time_s, float))
     if ages(scene.water):
@@ -89,7 +95,7 @@ def _render(
     dry: NDArray[np.bool_],
     channels: Array,
     time: Array,
-    **settings: Any,
+    **settings: Unpack[SharedTracing],
 ) -> tuple[Array, Array]:
     """Light at places in air (`dry`) or water, and its error, shape (n,)."""
     light, error = np.zeros(len(x)), np.zeros(len(x))
@@ -120,7 +126,7 @@ def _moments(rendering: Rendering, time: Array, straight_m: Array) -> list[tuple
     return list(zip(now, shares, strict=True))
 
 
-def render_positions(scene: Scene, **settings: Any) -> AtPlaces:
+def render_positions(scene: Scene, **settings: Unpack[SharedTracing]) -> AtPlaces:
     """Render the light at the single positions that a scene's detector lists.
 
     Parameters
@@ -196,7 +202,7 @@ class AtPlaces:
         return light, error
 
 
-def _traced(scene: Scene, x: Array, y: Array, z: Array, **settings: Any) -> Rendering:
+def _traced(scene: Scene, x: Array, y: Array, z: Array, **settings: Unpack[SharedTracing]) -> Rendering:
     """A rendering of cells around places in the water."""
     width = core_width_deg(lit(scene).lamp)
     grid = positions_grid(x, y, z, CELL_M, width, scene.tank, detector=scene.detector)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypedDict
 
 from lightfield.render.limits import OF_MAPS, REL_ERROR, check_photons, check_rel_error
 
@@ -14,6 +15,26 @@ BY_PHOTONS = REL_ERROR.low
 FEWEST_BATCHES, BATCHES, TALLY_BYTES = 4, 10, 900e6
 #: Steps in which paths are tallied: absorption changes little over one.
 PATH_NODES = 28
+
+
+class Tracing(TypedDict, total=False):
+    """How well to trace, as keywords; what is left out has the default of who takes them. See `Settings`."""
+
+    rel_error: float
+    max_photons: float
+    seed: int
+
+
+class CachedTracing(Tracing, total=False):
+    """The same where the response may be looked for on disk, and left there."""
+
+    cache: bool
+
+
+class SharedTracing(CachedTracing, total=False):
+    """The same where mirror images may share their photons."""
+
+    symmetry: bool
 
 
 def batches_of(cells: float, rows: float) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -255,9 +255,9 @@ def _grid_of(plan: SweepPlan, number: int) -> Grid:
     return plan.grids[int(np.ravel_multi_index([int(steps[i]) for i in plan.grid_axes], sizes))]
 
 
-def _places(grid: Grid, bands: Any) -> dict[str, np.ndarray]:
+def _places(grid: Grid, bands_nm: Sequence[tuple[float, float]]) -> dict[str, np.ndarray]:
     return {
-        "wavelength_nm": np.asarray(bands, float).mean(axis=1),
+        "wavelength_nm": np.asarray(bands_nm, float).mean(axis=1),
         "z_m": np.asarray(grid.z_m, float),
         "y_m": np.asarray(grid.y_m, float),
         "x_m": np.asarray(grid.x_m, float),

@@ -17,6 +17,7 @@ from lightfield.errors import UsageError
 from lightfield.maps.dataset import lacking
 from lightfield.readings import Readings
 from lightfield.render.limits import SEED
+from lightfield.render.settings import Tracing
 from lightfield.scene import Scene
 from lightfield.studies.compare import maps as comparing
 from lightfield.studies.compare import readings as fitting
@@ -192,8 +193,7 @@ def compare(
         )  # fmt: skip
     if isinstance(what, xr.Dataset):
         what = _maps_of(what)
-    tracing = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed}
-    asked = {name: value for name, value in tracing.items() if value is not None}
+    asked = _asked(rel_error, max_photons, seed)
     if scene is None and not isinstance(what, Readings):
         if with_ or effects_file is not None or solver != "analytic" or not trace:
             raise UsageError(
@@ -234,7 +234,19 @@ def _maps_of(dataset: xr.Dataset) -> Maps:
     return Maps(dataset)
 
 
-def _maps_compared(what: Scene | Maps | AnyPath, asked: dict[str, Any], cache: bool) -> Comparison:
+def _asked(rel_error: float | None, max_photons: float | None, seed: int | None) -> Tracing:
+    """How well to trace, as far as it is said."""
+    asked: Tracing = {}
+    if rel_error is not None:
+        asked["rel_error"] = rel_error
+    if max_photons is not None:
+        asked["max_photons"] = max_photons
+    if seed is not None:
+        asked["seed"] = seed
+    return asked
+
+
+def _maps_compared(what: Scene | Maps | AnyPath, asked: Tracing, cache: bool) -> Comparison:
     if not isinstance(what, Scene | Maps) and fspath(what).endswith(".nc"):
         what = Maps.load(what)
     if isinstance(what, Maps) and (asked or not cache):

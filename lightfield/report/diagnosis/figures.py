@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,6 +11,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.colors import ListedColormap, Normalize, SymLogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array, evenly
 from lightfield.report.diagnosis.view import DiagnosisView, Group, ReadingsView
@@ -129,7 +129,12 @@ def few(panels: list[Group], most: int) -> list[Group]:
 
 
 def misfit_dots(
-    axis: Axes, view: ReadingsView, step: int, x: Array, y: Array, rows: Any = slice(None)
+    axis: Axes,
+    view: ReadingsView,
+    step: int,
+    x: Array,
+    y: Array,
+    rows: NDArray[np.intp] | slice = slice(None),
 ) -> PathCollection:
     """Readings at their places, coloured by what a model leaves of them; those left out are small.
 
@@ -153,7 +158,7 @@ def misfit_bar(fig: Figure, dots: PathCollection, axes: Iterable[Axes]) -> None:
     bar.set_label("reading \N{MINUS SIGN} model (σ)", fontsize=9)
 
 
-def rms_title(view: ReadingsView, step: int, rows: Any = slice(None)) -> str:
+def rms_title(view: ReadingsView, step: int, rows: NDArray[np.intp] | slice = slice(None)) -> str:
     """Root mean square of what a model leaves of some readings."""
     residual = view.residual_sigma(step)[rows][~view.readings.left_out[rows]]
     return f"rms {float(np.sqrt(np.nanmean(residual**2))):.1f} σ"

@@ -11,9 +11,9 @@ have a say, nor that of most information about distance, for which attenuation i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -23,6 +23,7 @@ from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
+from lightfield.render.settings import CachedTracing
 from lightfield.scene import Detector, Scene
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.spectral.detector_response import SILICON
@@ -31,6 +32,9 @@ from lightfield.scene.water.coefficients import is_grey, scattering_per_m
 from lightfield.storage.tables import read_columns
 from lightfield.studies import defaults
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 #: The paper's band, nm.
 PAPER_BAND = (500.0, 550.0)
@@ -172,7 +176,7 @@ def best_band(
     low_nm: float = defaults.BETWEEN_NM[0],
     high_nm: float = defaults.BETWEEN_NM[1],
     response: str | None = None,
-    **tracing: Any,
+    **tracing: Unpack[CachedTracing],
 ) -> Bands:
     """Compare all bands of a width.
 
@@ -251,7 +255,7 @@ def best_band(
 
 
 def _transmitted(
-    scene: Scene, traced: bool, z: Array, at: Array, tracing: Mapping[str, Any]
+    scene: Scene, traced: bool, z: Array, at: Array, tracing: CachedTracing
 ) -> tuple[Array, Array, Array]:
     """Light at each distance for unit intensity, the slope K of ln(light z^2) and its error, (n_z, n)."""
     wall = walls_m(scene.tank)[2][1]

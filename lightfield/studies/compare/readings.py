@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -37,6 +36,7 @@ from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.retraced import Retraced
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
+from lightfield.render.settings import Tracing
 from lightfield.scene import Scene
 from lightfield.studies.compare.residuals import Residuals
 
@@ -67,7 +67,7 @@ class Refit:
         """Names of the effects."""
         return [c.name for c in self.explanation]
 
-    def corrected(self, whiten: Whiten, tracing: Mapping[str, Any]) -> Refit:
+    def corrected(self, whiten: Whiten, tracing: Tracing) -> Refit:
         """Fitted again with light that equals a fresh render of the fitted scene."""
         light, error = rendered_light(self.scene, self.forward.readings, **tracing)
         forward = self.forward.with_light(self.forward.light.corrected(light, error, self.fit.values))
@@ -211,7 +211,7 @@ def fit_readings(
     *,
     solver: str = "analytic",
     diffuse: DiffuseSource | str | None = None,
-    tracing: Mapping[str, Any] | None = None,
+    tracing: Tracing | None = None,
 ) -> FitReport:
     """Refit gain, beam width, absorption and the named effects, and say where the model fails.
 

@@ -9,9 +9,8 @@ nowhere. E_k and S_k are direct and scattered light for unit intensity, in the w
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -26,6 +25,7 @@ from lightfield.render.diffuse.shift import Shift
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import positions_grid
 from lightfield.render.response.response import Reference
+from lightfield.render.settings import CachedTracing
 from lightfield.scene import Detector, Scene
 from lightfield.scene.bands import first_band_w_per_sr, over_first_band
 from lightfield.scene.lamp.width import core_width_deg
@@ -106,7 +106,7 @@ class Colours(NamedTuple):
 
 
 def along_axis(
-    water: Scene, receiver: Receiver, nodes_m: Array, z_m: Array, tracing: Mapping[str, Any]
+    water: Scene, receiver: Receiver, nodes_m: Array, z_m: Array, tracing: CachedTracing
 ) -> xr.Dataset:
     """Everything along the axis in one water.
 
@@ -173,7 +173,7 @@ class _Late:
 
 
 def _late_light(
-    water: Scene, colours: Colours, nodes_m: Array, receiver: Receiver, tracing: Mapping[str, Any]
+    water: Scene, colours: Colours, nodes_m: Array, receiver: Receiver, tracing: CachedTracing
 ) -> _Late:
     """Trace in the mean water of the light, weigh for its colours, and sort by delay."""
     zero = np.zeros(len(nodes_m))

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
@@ -23,6 +23,7 @@ from lightfield.errors import UsageError
 from lightfield.formula.closed_form import refuse_pencil
 from lightfield.formula.own_formulas import lit
 from lightfield.progress import step
+from lightfield.render.settings import CachedTracing
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import without
@@ -34,6 +35,9 @@ from lightfield.studies.link.arrival import Colours, along_axis
 from lightfield.studies.link.receiver import SEEN_SNR, Receiver
 from lightfield.studies.regime import AIMED
 from lightfield.studies.working_range.reaches import Reach, docking_reach, last_place
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
 
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
 WATERS = {"clear": (0.05, 0.05), "turbid": (0.05, 0.30)}
@@ -110,7 +114,7 @@ def link(
     waters: Mapping[str, tuple[float, float]] | None = None,
     from_m: float = FROM_M,
     to_m: float = defaults.LINK_TO_M,
-    **tracing: Any,
+    **tracing: Unpack[CachedTracing],
 ) -> Link:
     """Received power, errors and bandwidth along the axis in unbounded water.
 
