@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -50,7 +49,9 @@ def tilted_axis(detector: Detector) -> tuple[float, float, float]:
     return math.sin(tilt), 0.0, -math.cos(tilt)
 
 
-def response(detector: Detector, direction: Sequence[Array], axis: Sequence[Any] | None = None) -> Array:
+def response(
+    detector: Detector, direction: Sequence[Array], axis: Sequence[Array | float] | None = None
+) -> Array:
     """Reading of a point receiver in light of unit normal irradiance.
 
     Cosine for irradiance, times 1 + 2 e (1 - cosine) of a collector with an error e at 60 degrees (2 to 10 %
@@ -88,7 +89,7 @@ def response(detector: Detector, direction: Sequence[Array], axis: Sequence[Any]
     return np.asarray(cosine * np.exp(-LN2 * ratio**2))
 
 
-def _angle_between(direction: Sequence[Array], axis: Sequence[Any]) -> Array:
+def _angle_between(direction: Sequence[Array], axis: Sequence[Array | float]) -> Array:
     """Angle of incidence, rad, from the chord: 1 - cos has no digits left at small angles."""
     chord = np.sqrt(sum((u + a) ** 2 for u, a in zip(direction, axis, strict=True)))
     return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)))

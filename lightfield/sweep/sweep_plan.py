@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from types import EllipsisType
 from typing import Any
 
 import numpy as np
@@ -273,9 +274,9 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
     return table.reshape(-1, 4), problems
 
 
-def _where(cases: Cases, axes: list[int], steps: tuple[int, ...]) -> tuple[Any, ...]:
+def _where(cases: Cases, axes: list[int], steps: tuple[int, ...]) -> tuple[slice | int | EllipsisType, ...]:
     """Index of the cases with these steps along some axes."""
-    at: list[Any] = [slice(None)] * len(cases.shape)
+    at: list[slice | int] = [slice(None)] * len(cases.shape)
     for i, step in zip(axes, steps, strict=True):
         at[i] = step
     return (*at, ...)

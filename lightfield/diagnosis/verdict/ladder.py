@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
@@ -49,7 +50,7 @@ class Step:
     held_out_percent: float
 
 
-def bright(problem: Problem) -> Array:
+def bright(problem: Problem) -> NDArray[np.bool_]:
     """Readings that count in the error in per cent: above 5 % of their plane's largest, shape (n,), bool."""
     group, value = problem.layout.plane_and_channel, problem.value
     top = np.zeros(int(group.max()) + 1)
@@ -57,7 +58,7 @@ def bright(problem: Problem) -> Array:
     return np.asarray((value > BRIGHT * top[group]) & (problem.keep > 0))
 
 
-def percent(problem: Problem, prediction: Array, which: Array) -> float:
+def percent(problem: Problem, prediction: Array, which: NDArray[np.bool_]) -> float:
     """Rms of the residual over the model in per cent; NaN without readings, or where the model is dark."""
     return rms_over(problem.value[which] - prediction[which], prediction[which])
 

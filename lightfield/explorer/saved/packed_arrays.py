@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import base64
 import hashlib
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 class PackedArrays:
@@ -16,7 +16,7 @@ class PackedArrays:
         self.bytes = bytearray()
         self._known: dict[bytes, int] = {}
 
-    def add(self, array: Any, kind: str = "f4") -> list[Any]:
+    def add(self, array: ArrayLike, kind: str = "f4") -> list[object]:
         """Keep an array of 32-bit floats (f4), 16-bit ones scaled row by row (f2), or whole numbers (u4)."""
         array = np.asarray(array)
         scale = None

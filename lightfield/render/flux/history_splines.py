@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from types import EllipsisType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +120,7 @@ class HistorySplines:
         return [slice(len(axis) // 2 - 1 if mirrored else 0, None) for axis, mirrored in both]
 
     @property
-    def _window(self) -> tuple[Any, ...]:
+    def _window(self) -> tuple[EllipsisType | slice, ...]:
         return (..., *self._halves[::-1])
 
     def _coefficients(self, tally: Array) -> Array:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Problem
@@ -85,9 +85,9 @@ def _where(problem: Problem, per_cent: Array, in_sigma: Array) -> dict[str, list
     return out
 
 
-def _groups(problem: Problem) -> dict[str, list[tuple[str, Any]]]:
+def _groups(problem: Problem) -> dict[str, list[tuple[str, NDArray[np.bool_]]]]:
     layout = problem.layout
-    out: dict[str, list[tuple[str, Any]]] = {}
+    out: dict[str, list[tuple[str, NDArray[np.bool_]]]] = {}
     planes = sorted(set(zip(layout.air, np.round(layout.z_m, 3), strict=True)))
     mixed = bool(layout.air.any() and not layout.air.all())
     if len(planes) > MOST_PLANES:  # single places: a table of each would say nothing

@@ -117,7 +117,7 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     steps = int(np.ceil(seconds / STEP_S))
     way, count = way_of(mission), int(np.floor(mission.duration_s * array.sample_hz)) + 1
     state = _Moving.at(pose_of(follower), runs)
-    kept: dict[str, list[Any]] = {one.name: [] for one in fields(Track)}
+    kept: dict[str, list[Array]] = {one.name: [] for one in fields(Track)}
     contact = np.full((runs, 4), np.nan)
     going = np.ones(runs, bool)
     pose = pose_of(follower)[None].repeat(runs, axis=0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -183,7 +182,7 @@ def place_error(error: CubicSpline, curve: CubicSpline, z_m: float) -> float:
     return float(error(z_m)) / abs(float(curve(z_m, 1))) if np.isfinite(z_m) else float("nan")
 
 
-def last_place(curve: Callable[[Any], Any], level: float, fine: Array) -> float:
+def last_place(curve: Callable[[Array], Array | np.float64], level: float, fine: Array) -> float:
     """Where a curve first falls below a level; infinite if never, NaN if it begins there."""
     beyond = curve(fine) < level
     if not beyond.any():
