@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.hidden_effects import workers
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import read_table
 from lightfield.scene import Scene
@@ -68,7 +69,7 @@ def run(case: Path) -> Row:
         "slots": [
             [one.effect, *(n for names in one.alternatives for n in names)]
             for one in verdict.found
-            if one.level == "one of"
+            if one.level == Certainty.ONE_OF
         ],
         "percent": [
             verdict.ladder[0].error_percent, verdict.ladder[-1].error_percent, verdict.noise_floor_percent

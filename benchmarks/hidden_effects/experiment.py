@@ -21,6 +21,7 @@ from benchmarks.hidden_effects.oracle import Oracle
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT
+from lightfield.diagnosis.verdict.parts import Kind
 from lightfield.experiments import unknowns
 from lightfield.experiments.measure import Instrument, LightAtReadings, measure
 from lightfield.fitting.diffuse_light import has_diffuse_light
@@ -145,7 +146,7 @@ def _run(trial: Trial, folder: Path) -> Row:
         row |= follow(trial, found, clean, light[:n], Tracing(sequence=trial.sequence))
     if truth.stratum == "two":
         row["second"] = oracle.second(truth.hidden, dict(truth.values))
-    if truth.stratum == "one" and found.verdict.verdict == "identified":
+    if truth.stratum == "one" and found.verdict.verdict == Kind.IDENTIFIED:
         row |= _errors(trial, found, oracle, clean, light)
     return row
 

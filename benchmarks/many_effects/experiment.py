@@ -16,6 +16,7 @@ from benchmarks.hidden_effects.lights import light_of, scene_of
 from benchmarks.many_effects.catalogue import Trial
 from benchmarks.many_effects.visible import deltas
 from lightfield.arrays import Array
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -98,7 +99,7 @@ def as_data(verdict: Verdict) -> Row:
         "slots": [
             [one.effect, *dict.fromkeys(n for names in one.alternatives for n in names if n != one.effect)]
             for one in verdict.found
-            if one.level == "one of"
+            if one.level == Certainty.ONE_OF
         ],
         "found": [one.model_dump(include=_OF_EACH) for one in verdict.found],
         "family": [sorted(e.effects) for e in verdict.explanations],
