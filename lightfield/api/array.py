@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal, TypedDict
 
 import numpy as np
 
@@ -32,6 +32,14 @@ PHOTONS = FIELD_PHOTONS
 Medium = Literal["water", "air"]
 
 
+class SpaceAndLight(TypedDict):
+    """Where the follower may be and how its light is traced, as keywords of the studies."""
+
+    space: Space
+    photons: float
+    seed: int
+
+
 def space_and_light(
     scene: Scene | AnyPath,
     half_width: float = HALF_WIDTH_M,
@@ -39,7 +47,7 @@ def space_and_light(
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
-) -> tuple[Scene, dict[str, Any]]:
+) -> tuple[Scene, SpaceAndLight]:
     """A scene, and where the follower may be and how its light is traced, as the studies take it."""
     known = scene_of(scene)
     known = in_air(known) if medium == "air" else known

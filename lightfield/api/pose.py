@@ -168,4 +168,4 @@ def bias(
     waters = usual if scattering is None else tuple(scattering)
     if medium == "air" and any(waters):
         raise UsageError("air does not scatter", where="scattering", found=waters, rule="water")
-    return Bias(biases.bias_study(known, where.pop("space"), waters, **where))
+    return Bias(biases.bias_study(known, scattering_per_m=waters, **where))

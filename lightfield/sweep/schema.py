@@ -44,7 +44,7 @@ class SweepKind:
     attributes: Callable[[SweepPlan], dict[str, Any]]
     target: Callable[[SweepPlan, Path, dict[str, Variable]], Any]
     block: Callable[..., Any]
-    told: dict[str, Any]
+    told: dict[str, float | str]
 
 
 def variables_of(plan: SweepPlan) -> dict[str, Variable]:

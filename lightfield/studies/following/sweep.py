@@ -107,7 +107,12 @@ def run_follow_sweep(
         except LightfieldError:
             continue  # the case says so itself
     content = sha256("".join(sorted(contents)).encode()).hexdigest()[:16]
-    told = {"runs": runs, "photons": photons, "densest_per_m": densest, "arrays": content}
+    told: dict[str, float | str] = {
+        "runs": runs,
+        "photons": photons,
+        "densest_per_m": densest,
+        "arrays": content,
+    }
 
     def target(_: SweepPlan, store: Path, variables: dict[str, Variable]) -> FollowTarget:
         return FollowTarget(store, variables, runs, seed, photons, densest)
