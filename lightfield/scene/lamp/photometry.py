@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
+from lightfield.scene.lamp.between_angles import filled, monotone, splined
 from lightfield.scene.lamp.luminaire_files import all_around, read_eulumdat, read_ies
 from lightfield.storage.inputs import LUMINAIRE, kept_by_file, read_bytes
 from lightfield.storage.tables import LARGEST, column_names, read_columns, read_rows
@@ -21,9 +22,9 @@ from lightfield.storage.tables import LARGEST, column_names, read_columns, read_
 ROUND = 0.002
 #: Intensities that differ by less, as a part of that on the axis, are the same.
 SAME_INTENSITY = 1e-9
-#: What straight lines leave out of a beam, as a part of it there, can be felt from here on: a third of the
-#: misfit that a diagnosis takes for none unless it is told otherwise.
-_LEFT_OUT = 1e-3
+#: From here on it can be felt by how much two smooth beams through one table differ, as a part of the beam
+#: there: a third of the misfit that a diagnosis takes for none unless it is told otherwise.
+_UNTOLD = 1e-3
 _TURN = 2 * np.pi
 #: Columns of a table with errors: of every row by itself; and how those begin that rows share.
 OWN_ERROR, SHARED_ERROR = "stderr", "error_"
@@ -36,18 +37,21 @@ class BeamTable:
     Parameters
     ----------
     angle_rad : array, shape (n_angles,)
-        From the axis, rising from 0.
+        From the axis, rising from 0; dense enough for straight lines to follow a smooth beam.
     turn_rad : array, shape (n_turns,)
         About the axis from x towards y of the beam, from 0 to 2 pi, both included; of a round beam 0 alone.
     intensity : array, shape (n_turns, n_angles)
         1 on the axis.
-    errors : array, shape (k, n_angles)
+    stated_rad : array, shape (n_stated,)
+        Those of the angles at which it was measured.
+    errors : array, shape (k, n_stated)
         Independent contributions to the error of the intensity over that on the axis, of a round beam.
     """
 
     angle_rad: Array
     turn_rad: Array
     intensity: Array
+    stated_rad: Array
     errors: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
@@ -58,10 +62,7 @@ class BeamTable:
     @cached_property
     def mean(self) -> Array:
         """Average over the turn, shape (n_angles,)."""
-        if self.is_round:
-            return self.intensity[0]
-        between = 0.5 * (self.intensity[1:] + self.intensity[:-1])
-        return np.asarray(np.diff(self.turn_rad) @ between / _TURN)
+        return _average(self.turn_rad, self.intensity)
 
     @cached_property
     def mirrored(self) -> tuple[bool, bool]:
@@ -71,29 +72,32 @@ class BeamTable:
     def relative_errors(self, angle_rad: Array) -> Array:
         """The errors over the intensity at angles from the axis, shape (k, n); where it is dark none.
 
-        Those that are stated; and, one for each pair of neighbouring angles, what the straight line between
-        them leaves out of a smooth beam, where that can be felt.
+        Those that are stated; and, one for each pair of measured angles, what is not told of a smooth beam
+        between them, where that can be felt.
         """
         intensity = np.interp(angle_rad, self.angle_rad, self.mean, right=0.0)
-        error = [np.interp(angle_rad, self.angle_rad, each, right=0.0) for each in self.errors]
-        left_out, between = self.left_out(angle_rad), np.searchsorted(self.angle_rad, angle_rad)
-        for i in np.unique(between[np.abs(left_out) > _LEFT_OUT]):
-            error.append(np.where(between == i, left_out * intensity, 0.0))
-        return np.array(error).reshape(-1, len(intensity)) / np.where(intensity > 0, intensity, np.inf)
+        measured = np.interp(self.stated_rad, self.angle_rad, self.mean)
+        relative = self.errors / np.where(measured > 0, measured, np.inf)
+        every = [monotone(self.stated_rad, each, angle_rad) for each in relative]  # as the beam's logarithm
+        untold, between = self.untold(angle_rad), np.searchsorted(self.stated_rad, angle_rad)
+        steps = np.unique(between[np.abs(untold) > _UNTOLD])
+        every += [np.where(between == i, untold, 0.0) for i in steps]
+        return np.array(every).reshape(-1, len(intensity)) * (intensity > 0)
 
-    def left_out(self, angle_rad: Array) -> Array:
-        """What straight lines between the angles leave out of a smooth beam, over what they say, shape (n,).
+    def untold(self, angle_rad: Array) -> Array:
+        """What the measured angles do not tell of a smooth beam between them, over what it is, shape (n,).
 
-        Smooth is a cubic spline through the same angles, flat on the axis: up to three half widths of a
-        Gaussian, in steps of a quarter of one, it is right to 0.1 %, where straight lines are to 12 %.
+        By how much another smooth beam differs, see `splined`, averaged over the turn; as far as it is lit.
         """
-        from scipy.interpolate import CubicSpline  # a tenth of a second, which few commands need
-
-        angle = np.concatenate([-self.angle_rad[:0:-1], self.angle_rad])
-        smooth = CubicSpline(angle, np.concatenate([self.mean[:0:-1], self.mean]))(angle_rad)
-        linear = np.interp(angle_rad, self.angle_rad, self.mean, right=0.0)
-        lit = (angle_rad <= self.angle_rad[-1]) & (linear > 0)
-        return np.where(lit, smooth / np.where(lit, linear, 1.0) - 1.0, 0.0)
+        mean = np.interp(self.stated_rad, self.angle_rad, self.mean)
+        dark = np.flatnonzero(mean <= 0)
+        lit = slice(dark[0] if len(dark) else None)
+        if len(mean[lit]) < 2:
+            return np.zeros(len(angle_rad))
+        within = angle_rad < self.stated_rad[lit][-1]
+        here = np.interp(angle_rad, self.angle_rad, self.mean)
+        other = splined(self.stated_rad[lit], mean[lit], np.where(within, angle_rad, 0.0))
+        return np.where(within, other / np.where(within, here, 1.0) - 1.0, 0.0)
 
     def _alike(self, about: float) -> bool:
         """Is it the same at a turn and at that mirrored?"""
@@ -114,6 +118,13 @@ class BeamTable:
             for k in (j, j + 1)
         )
         return np.asarray((low + across * (high - low)) * (angle <= self.angle_rad[-1]))
+
+
+def _average(turn_rad: Array, intensity: Array) -> Array:
+    """Mean of half planes, (n_turns, n_angles), between which a beam is linear; shape (n_angles,)."""
+    if len(turn_rad) == 1:
+        return intensity[0]
+    return np.asarray(np.diff(turn_rad) @ (0.5 * (intensity[1:] + intensity[:-1])) / _TURN)
 
 
 def _place(nodes: Array, at: Array) -> tuple[NDArray[np.integer[Any]], Array]:
@@ -150,7 +161,8 @@ def beam_table(path: str) -> BeamTable:
             "a beam table starts on the axis", where=path, found=f"{angle[0]:g} to {angle[-1]:g} deg",
             rule="angle_deg from 0, at most 180", remedy="add the value at 0 deg",
         )  # fmt: skip
-    axis = BeamTable(angle, np.radians(turn), intensity).mean[0]
+    turns = np.radians(turn)
+    axis = _average(turns, intensity)[0]
     if not axis > intensity.max() / LARGEST:
         raise SceneError(
             "no light on the beam axis", where=path, found=float(axis), rule="above 0 at 0 deg",
@@ -161,10 +173,13 @@ def beam_table(path: str) -> BeamTable:
     errors = _stated_errors(path, angle) / axis
     # What is off on the axis is off in the unit of all.
     errors = errors - np.outer(errors[:, 0], intensity[0])
-    table = BeamTable(np.radians(angle), np.radians(turn), intensity, errors)
-    if np.abs(intensity - table.mean).max() <= ROUND * table.mean.max():
-        table = BeamTable(table.angle_rad, np.zeros(1), table.mean[None], errors)
-    for column in (table.angle_rad, table.turn_rad, table.intensity, table.errors):
+    mean = _average(turns, intensity)
+    if np.abs(intensity - mean).max() <= ROUND * mean.max():
+        turns, intensity = np.zeros(1), mean[None]
+    stated = np.radians(angle)
+    every, intensity = filled(stated, intensity)
+    table = BeamTable(every, turns, intensity, stated, errors)
+    for column in (table.angle_rad, table.turn_rad, table.intensity, table.stated_rad, table.errors):
         column.setflags(write=False)
     return table
 

@@ -1,7 +1,8 @@
-"""A lamp's table in coarse steps: what straight lines between them leave out is no missing effect."""
+"""A lamp's table in coarse steps: a smooth beam between them is no missing effect."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ def read(offset_m: float, drift_per_hour: float, seed: int = 3) -> Readings:
     return Readings.from_arrays(x_m=x, y_m=0 * x, z_m=z, value=value, stderr=sigma, time_s=time_s)
 
 
-@pytest.mark.parametrize("step_deg", [0.25, 1.0, 1.5])
+@pytest.mark.parametrize("step_deg", [0.25, 1.5, 2.5])
 @pytest.mark.parametrize(
     ("hidden", "sizes"), [([], (0.0, 0.0)), (["beam_offset", "lamp_drift"], (0.03, -0.1))]
 )
@@ -45,5 +46,16 @@ def test_only_what_is_missing_is_found(
     verdict = diagnose(read(*sizes), scene, diffuse=None, advise=False).verdict
     assert sorted(verdict.best_set) == hidden
     assert verdict.verdict == ("identified" if hidden else "none")
+    assert not [c for c in verdict.cautions if c.warns is Warns.COARSE_TABLE]
+
+
+def test_a_steep_edge_between_two_angles_is_told(tmp_path: Path) -> None:
+    """The table does not say where it is: a beam that falls within a degree, in steps of two."""
+    angle = np.arange(0.0, 45.1, 2.0)
+    rows = (f"{a:g},{1 / (1 + math.exp((a - 7.4) / 0.3)):.8g}" for a in angle)
+    (tmp_path / "lamp.csv").write_text("\n".join(["angle_deg,intensity", *rows]), encoding="utf-8")
+    lamp = {"profile": "table", "intensity_table": str(tmp_path / "lamp.csv")}
+    scene = Scene.from_dict({"lamp": lamp, "water": {"absorption_per_m": 0.12}})
+    verdict = diagnose(read(0.0, 0.0), scene, diffuse=None, advise=False).verdict
     told = [c for c in verdict.cautions if c.warns is Warns.COARSE_TABLE]
-    assert [c.values["step_deg"] for c in told] == ([pytest.approx(step_deg)] if step_deg > 0.5 else [])
+    assert [c.values["step_deg"] for c in told] == [pytest.approx(2.0)]

@@ -77,7 +77,7 @@ def test_every_number_says_what_it_is(stored) -> None:
 
 
 def test_the_width_of_a_table_is_that_of_the_beam_that_is_tabulated(tmp_path) -> None:
-    (tmp_path / "beam.csv").write_text("angle_deg,intensity\n0,1\n20,0.6\n30,0.4\n90,0\n")
+    (tmp_path / "beam.csv").write_text("angle_deg,intensity\n0,1\n20,0.6\n25,0.5\n30,0.4\n90,0\n")
     table = {"profile": "table", "intensity_table": str(tmp_path / "beam.csv")}
     found = field_dataset(Scene.from_dict({**SCENE, "lamp": table}), Asked(0.4, 4.5, 6.5), photons=0)
     assert found.attrs["lamp_half_width_deg"] == pytest.approx(25.0, abs=0.01)

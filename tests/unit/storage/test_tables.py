@@ -28,7 +28,7 @@ def test_a_beam_of_two_sides_says_how_sides_are_written(tmp_path):
         beam_table(str(path))
     path.write_text("phi_deg,angle_deg,intensity\n0,0,1\n0,10,0.5\n180,0,1\n180,10,0.4\n")
     table = beam_table(str(path))
-    assert np.allclose(table.intensity[table.turn_rad == 0, 1], 0.5)
+    assert np.allclose(table.at(np.radians(10.0), 0.0), 0.5)
 
 
 def test_half_planes_too_many_are_named(tmp_path):

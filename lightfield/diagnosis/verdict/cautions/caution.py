@@ -100,9 +100,9 @@ _WORDS = {
     "if these readings are such, leave wavelength_nm out",
     Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "
     "reading {exchanged:.2g} instead of {as_given:.2g}): check the columns",
-    Warns.COARSE_TABLE: "the lamp's table has steps of {step_deg:.2g} degrees, and straight lines between "
-    "them leave out up to {percent:.2g} % of the light of these readings: effects of lamp and receiver may "
-    "stand in for it; state it in finer steps (a smooth curve through the same angles will do)",
+    Warns.COARSE_TABLE: "the lamp's table has steps of {step_deg:.2g} degrees, and smooth beams through them "
+    "differ by up to {percent:.2g} % in the light of these readings: effects of lamp and receiver may "
+    "stand in for that; measure it in finer steps",
     Warns.NOT_CONVERGED: "the fit was stopped before it stood still: one step more would lower chi-square by "
     "{gain:.2g} and move {about} by {sigma:.2g} of its error; begin nearer to the end (with the fitted scene "
     "that -o writes), or leave out one of the effects that hang together",

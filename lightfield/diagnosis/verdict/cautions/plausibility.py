@@ -41,8 +41,8 @@ FELT = 0.1
 GAIN_SIGMA = 3.0
 #: Chi-square from which on water that amplifies is spoken of. Chosen: two standard errors.
 AMPLIFIES = 4.0
-#: What a table in coarse steps leaves out of bright readings from which on it is spoken of. Chosen: of six
-#: sets with an offset one held other effects of lamp and receiver where it was 2 %, five where it was 5 %.
+#: By how much two smooth beams through a coarse table differ, in bright readings, from which on it is spoken
+#: of. Chosen: twice the least error that a lamp's table is measured with.
 COARSE = 0.01
 #: Exchanged columns leave this part of the misfit at most. Chosen: in chi-square, half of every reading's.
 EXCHANGED = 0.25
@@ -136,12 +136,12 @@ def _coarse_table(forward: SceneForward, problem: Problem) -> Caution | None:
     if table is None:
         return None
     angle = analytic.table_angle(forward.scene.lamp, r.x_m, r.y_m, r.z_m, r.medium)
-    left_out, seen = np.abs(table.left_out(angle)) * bright(problem), np.degrees(table.angle_rad)
-    k = int(np.argmax(left_out))
-    if left_out[k] < COARSE:
+    untold, stated = np.abs(table.untold(angle)) * bright(problem), np.degrees(table.stated_rad)
+    k = int(np.argmax(untold))
+    if untold[k] < COARSE:
         return None
-    step = np.diff(seen)[np.clip(np.searchsorted(table.angle_rad, angle[k]) - 1, 0, len(seen) - 2)]
-    told = {"step_deg": float(step), "percent": 100 * float(left_out[k])}
+    step = np.diff(stated)[np.clip(np.searchsorted(table.stated_rad, angle[k]) - 1, 0, len(stated) - 2)]
+    told = {"step_deg": float(step), "percent": 100 * float(untold[k])}
     return Caution(warns=Warns.COARSE_TABLE, about="lamp.intensity_table", values=told)
 
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from beams import ASIDE_DEG, HWHM_DEG, aside, ies, phi_table
 
+from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.frame import has_round_section, is_mirrored
 from lightfield.scene.lamp.luminaire_files import all_around
-from lightfield.scene.lamp.photometry import beam_table
+from lightfield.scene.lamp.photometry import BeamTable, beam_table
 from lightfield.scene.lamp.profile import relative_intensity, solid_angle_sr
 from lightfield.scene.lamp.tabulated import save_intensity
 from lightfield.scene.lamp.width import stated_width_deg
@@ -144,20 +146,52 @@ def test_errors_of_a_beam_that_is_not_round_are_refused(tmp_path: Path) -> None:
         beam_table(str(path))
 
 
-@pytest.mark.parametrize("step_deg", [1.5, 2.5])
-def test_what_straight_lines_leave_out_is_an_error_of_a_coarse_table(tmp_path: Path, step_deg: float) -> None:
-    """Of a Gaussian of 6 degrees: between each pair of angles that of the closed form, one error each."""
-    path, angle = tmp_path / "lamp.csv", np.arange(0.0, 45.1, step_deg)
-    rows = (f"{a:g},{2.0 ** -((a / HWHM_DEG) ** 2):.8g}" for a in angle)
+def measured(path: Path, shape: Callable[[Array], Array], step_deg: float) -> BeamTable:
+    angle = np.arange(0.0, 45.1, step_deg)
+    rows = (f"{a:g},{i:.8g}" for a, i in zip(angle, shape(angle), strict=True))
     path.write_text("\n".join(["angle_deg,intensity", *rows]), encoding="utf-8")
-    at = np.linspace(0.0, 12.0, 241)
-    linear = np.interp(at, angle, 2.0 ** -((angle / HWHM_DEG) ** 2))
-    left_out = 2.0 ** -((at / HWHM_DEG) ** 2) / linear - 1
-    found = beam_table(str(path)).relative_errors(np.radians(at))
-    assert len(found) == math.ceil(12.0 / step_deg)
+    return beam_table(str(path))
+
+
+def gaussian(angle_deg: Array) -> Array:
+    return np.asarray(2.0 ** -((angle_deg / HWHM_DEG) ** 2))
+
+
+def flat(angle_deg: Array) -> Array:
+    """With an edge in which it falls from 0.9 to 0.1 within two degrees."""
+    return np.asarray((1 + np.exp(-16)) / (1 + np.exp((angle_deg - 8) / 0.5)))
+
+
+@pytest.mark.parametrize("step_deg", [0.3, 1.0, 2.5, 5.0])
+def test_a_beam_is_smooth_between_its_angles(tmp_path: Path, step_deg: float) -> None:
+    """A Gaussian of 6 degrees by its closed form, where straight lines leave out up to 30 % of it."""
+    at = np.linspace(0.0, 15.0, 601)
+    table = measured(tmp_path / "lamp.csv", gaussian, step_deg)
+    np.testing.assert_allclose(table.at(np.radians(at), 0.0), gaussian(at), rtol=1e-3)
+    assert len(table.relative_errors(np.radians(at))) == 0
+
+
+def test_a_steep_edge_has_no_overshoot_and_no_light_beyond(tmp_path: Path) -> None:
+    """Never above the angles' own intensities, never below; where the table says dark, dark."""
+    path = tmp_path / "lamp.csv"
+    path.write_text("angle_deg,intensity\n0,1\n4,1\n8,1\n9,0.5\n10,0.001\n12,0\n20,0\n", encoding="utf-8")
+    at = np.linspace(0.0, 20.0, 2001)
+    light = beam_table(str(path)).at(np.radians(at), 0.0)
+    assert (np.diff(light) <= 1e-12).all()
+    assert (light[at <= 8.0] == 1.0).all()
+    assert (light[at >= 12.0] == 0.0).all()
+
+
+@pytest.mark.parametrize("step_deg", [1.0, 1.5, 2.5])
+def test_what_a_coarse_table_does_not_tell_is_its_error(tmp_path: Path, step_deg: float) -> None:
+    """Of a beam with an edge: between each pair of angles one error, of the size of what is wrong there."""
+    at = np.linspace(0.0, 11.0, 441)
+    table = measured(tmp_path / "lamp.csv", flat, step_deg)
+    wrong = table.at(np.radians(at), 0.0) / flat(at) - 1
+    found = table.relative_errors(np.radians(at))
     assert ((found != 0).sum(axis=0) <= 1).all()
-    assert np.abs(left_out).max() > 0.01
-    assert found.sum(axis=0) == pytest.approx(left_out, abs=0.05 * np.abs(left_out).max())
+    assert np.abs(wrong).max() > 0.01
+    assert 0.5 < np.linalg.norm(found) / np.linalg.norm(wrong) < 4.0
 
 
 def test_a_fine_table_leaves_nothing_out(tmp_path: Path) -> None:
