@@ -7,6 +7,7 @@ QR iteration then does it.
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 
 from lightfield.arrays import Array
 
@@ -16,8 +17,6 @@ def thin_svd(columns: Array) -> tuple[Array, Array, Array]:
     try:
         u, s, vt = np.linalg.svd(columns, full_matrices=False)
     except np.linalg.LinAlgError:
-        import scipy.linalg
-
         u, s, vt = scipy.linalg.svd(columns, full_matrices=False, lapack_driver="gesvd")
     return u, s, vt
 
@@ -27,7 +26,5 @@ def eigen(symmetric: Array) -> tuple[Array, Array]:
     try:
         values, vectors = np.linalg.eigh(symmetric)
     except np.linalg.LinAlgError:
-        import scipy.linalg
-
         values, vectors = scipy.linalg.eigh(symmetric, driver="ev")
     return values, vectors

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Literal, TypedDict
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
 from lightfield.api.given import AnyPath, by_name, checked, scene_of
 from lightfield.api.result import OverAxes, ToldByDetails
@@ -21,9 +23,6 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.survey import DOCKING, DOCKING_ASKS
 
 if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-
     from lightfield.report.style import Axes
 
 __all__ = ["Arrays", "Survey", "compare", "optimise", "show"]
@@ -113,8 +112,6 @@ class Arrays(ToldByDetails[compared.Arrays]):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per array: A and the root mean square bounds over the poses of the task."""
-        import pandas as pd
-
         rows = [
             {
                 "array": one.name,

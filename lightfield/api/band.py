@@ -7,6 +7,7 @@ from dataclasses import asdict
 from os import fspath
 from typing import TYPE_CHECKING
 
+import pandas as pd
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
@@ -18,8 +19,6 @@ from lightfield.studies import defaults
 from lightfield.studies.band import study, text
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lightfield.report.style import Axes
 
 
@@ -43,8 +42,6 @@ class Band(OverAxes[study.Bands], ToldInWords[study.Bands]):
 
     def summary(self) -> pd.DataFrame:
         """The best band by every rule."""
-        import pandas as pd
-
         return pd.DataFrame([asdict(best) for best in self.details.best])
 
     def _page(self) -> str:

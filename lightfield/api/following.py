@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import pandas as pd
+import xarray as xr
+
 from lightfield.api.array import PHOTONS
 from lightfield.api.given import AnyPath, by_name, checked, names_in, scene_of
 from lightfield.api.notebook import told_in_notebook
@@ -15,9 +18,6 @@ from lightfield.scene import Scene
 from lightfield.studies.following import study
 
 if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-
     from lightfield.report.style import Axes
 
 
@@ -45,8 +45,6 @@ class Following(ToldByDetails[study.Following]):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per follower, run and metric; units beside it."""
-        import pandas as pd
-
         rows = [
             {
                 "scene": one.name,

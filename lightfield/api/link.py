@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
@@ -21,8 +22,6 @@ from lightfield.studies.link import text as link_text
 from lightfield.studies.link.receiver import Receiver
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lightfield.report.style import Axes
 
 
@@ -49,8 +48,6 @@ class Link(OverAxes[linking.Link], ToldInWords[linking.Link]):
 
     def summary(self) -> pd.DataFrame:
         """How far, in every water."""
-        import pandas as pd
-
         reaches = self.details.reaches.items()
         return pd.DataFrame([{"water": name, **asdict(reach)} for name, reach in reaches])
 

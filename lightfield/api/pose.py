@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
+import xarray as xr
 
 from lightfield.api.array import PHOTONS, Medium, sigma_columns, space_and_light
 from lightfield.api.given import AnyPath, checked
@@ -18,9 +20,6 @@ from lightfield.studies.follower import sequence
 from lightfield.studies.follower.frames import POSE, in_degrees
 
 if TYPE_CHECKING:
-    import pandas as pd
-    import xarray as xr
-
     from lightfield.report.style import Axes
 
 __all__ = ["Bias", "Poses", "bias", "estimate"]
@@ -47,8 +46,6 @@ class Poses(ToldByDetails[sequence.Poses]):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per reading: pose with its standard deviations, m and degrees, and whether it fits."""
-        import pandas as pd
-
         units = [f"{name}_{'m' if name in POSE[:3] else 'deg'}" for name in POSE]
         rows = []
         for time, one in zip(self.details.time_s, self.details.estimates, strict=True):

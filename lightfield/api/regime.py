@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
@@ -18,8 +19,6 @@ from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.sweep_plan import SweepSettings
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lightfield.report.style import Axes
 
 
@@ -49,8 +48,6 @@ class Regime(OverAxes[xr.Dataset]):
 
     def summary(self) -> pd.DataFrame:
         """Optical thickness up to which the formula holds."""
-        import pandas as pd
-
         head = ["receiver", "albedo", "within 5 %", "within 10 %", "within 25 %"]
         return pd.DataFrame(regimes.rows(self.details), columns=head)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+import pandas as pd
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, diffuse_source, readings_of, scene_of
@@ -19,8 +20,6 @@ from lightfield.studies.working_range import text as range_text
 from lightfield.studies.working_range.poses import with_array
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lightfield.report.style import Axes
 
 
@@ -46,8 +45,6 @@ class Range(OverAxes[ranging.WorkingRange], ToldInWords[ranging.WorkingRange]):
 
     def summary(self) -> pd.DataFrame:
         """How far, by every rule."""
-        import pandas as pd
-
         rules = range_text.rules(self.details)
         return pd.DataFrame([
             {"name": reach.name, "rule": rules[reach.name], **asdict(reach)} for reach in self.details.reaches

@@ -7,6 +7,7 @@ from os import PathLike, fspath
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, diffuse_source, names_in, readings_of, scene_of
@@ -24,8 +25,6 @@ from lightfield.studies.compare import readings as fitting
 from lightfield.studies.compare import text
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lightfield.report.style import Axes
 
 
@@ -53,8 +52,6 @@ class Comparison(Result[comparing.Comparison]):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per plane and wavelength: errors on the axis, lost light, spots, each with its error."""
-        import pandas as pd
-
         return pd.DataFrame([plane.as_data() for plane in self.details.planes])
 
     def to_xarray(self) -> xr.Dataset:
@@ -115,8 +112,6 @@ class Fit(Result[fitting.FitReport]):
 
     def summary(self) -> pd.DataFrame:
         """The fitted parameters."""
-        import pandas as pd
-
         found = self.details.estimates.items()
         return pd.DataFrame([{"parameter": path, **estimate.model_dump()} for path, estimate in found])
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
@@ -21,8 +22,6 @@ from lightfield.scene import Scene
 from lightfield.wording import plain
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lightfield.report.style import Axes
 
 
@@ -100,8 +99,6 @@ class Maps(Result[xr.Dataset]):
 
     def summary(self) -> pd.DataFrame:
         """A row per plane and wavelength: brightest cell, and the median relative error of the cells."""
-        import pandas as pd
-
         data, error = self.details[self.quantity], self._relative_error()
         unit = data.attrs["units"]
         rows = []

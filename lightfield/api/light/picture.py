@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from lightfield.api.given import AnyPath, checked, scene_of
@@ -15,8 +16,6 @@ from lightfield.render import picture as camera
 from lightfield.scene import Scene
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lightfield.report.style import Axes
 
 #: Width and height, and paths per pixel and colour, unless told otherwise; the same as the command's.
@@ -68,16 +67,12 @@ class Picture(Result[camera.Picture]):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per pixel: row, column, and a column per colour."""
-        import pandas as pd
-
         row, column = (index.ravel() for index in np.indices(self.details.rgb.shape[:2]))
         colours = dict(zip(COLOURS, self.details.rgb.reshape(-1, 3).T, strict=True))
         return pd.DataFrame({"row": row, "column": column} | colours)
 
     def summary(self) -> pd.DataFrame:
         """A row per colour: wavelength, middle and largest light."""
-        import pandas as pd
-
         flat = self.details.rgb.reshape(-1, 3)
         return pd.DataFrame({
             "colour": COLOURS,

@@ -19,6 +19,7 @@ from math import pi, radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import erf
 
 from lightfield.render.reflected.from_lamp import before_lamp, fresnel, in_water_m
 from lightfield.scene import Lamp, Tank
@@ -128,8 +129,6 @@ def seen(to: np.ndarray, sigma: float) -> np.ndarray:
     sigma : float
         Standard deviation of the slope in one direction.
     """
-    from scipy.special import erf  # which a scene's description need not wait for
-
     spread = sigma * np.hypot(to[..., 0], to[..., 2])
     at = to[..., 1] / np.maximum(spread, 1e-12)
     density = np.exp(-0.5 * at * at) / sqrt(2 * pi)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from lightfield.arrays import Array
 from lightfield.scene import Follower, Lamp
@@ -105,8 +106,6 @@ class FramedPose:
     @property
     def quaternion(self) -> Array:
         """(x, y, z, w), w >= 0, as ROS has it."""
-        from scipy.spatial.transform import Rotation
-
         return np.asarray(Rotation.from_matrix(self.rotation).as_quat(canonical=True))
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg import solve_continuous_are
 
 from lightfield.arrays import Array, Mask
 from lightfield.studies.following.vehicle import STEERED, Vehicle
@@ -99,8 +100,6 @@ def lqr_weights(inertia: float, push: float) -> tuple[Array, Array]:
 
 def _lqr_gains(inertia: float, drag: float, push: float) -> Array:
     """Of integral, error and velocity, positive towards the goal."""
-    from scipy.linalg import solve_continuous_are
-
     (a, b), (q, r) = axis_model(inertia, drag), lqr_weights(inertia, push)
     gains = np.linalg.solve(r, b.T @ solve_continuous_are(a, b, q, r))[0]
     return gains * np.array([-1.0, -1.0, 1.0])

@@ -52,13 +52,23 @@ def test_every_command_explains_itself(command, capsys):
     assert "--backend" in text
 
 
-def test_help_is_fast_because_nothing_heavy_is_imported():
+@pytest.mark.parametrize(
+    ("line", "needed"),
+    [
+        (["--help"], set()),
+        (["scene", str(ROOT / "scenes" / "dive_lamp" / "scene.toml")], {"numpy", "pydantic"}),
+        (["new", "--help"], {"numpy", "pydantic"}),
+    ],
+)
+def test_quick_commands_load_no_more_than_they_need(line, needed):
+    heavy = {"numpy", "pydantic", "scipy", "pandas", "xarray", "matplotlib", "skimage", "mitsuba", "drjit"}
+    heavy |= {"dask", "distributed", "zarr", "netCDF4", "OpenEXR", "tornado", "jinja2", "rich"}
     code = (
         "import sys\n"
         "from lightfield import cli\n"
-        "try:\n    cli.main(['--help'])\nexcept SystemExit:\n    pass\n"
-        "heavy = {'mitsuba', 'drjit', 'numpy', 'pydantic', 'matplotlib', 'xarray'} & set(sys.modules)\n"
-        "sys.exit(str(heavy) if heavy else 0)\n"
+        f"try:\n    cli.main({line})\nexcept SystemExit:\n    pass\n"
+        f"found = ({heavy!r} & set(sys.modules)) ^ {needed!r}\n"
+        "sys.exit(str(found) if found else 0)\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
