@@ -15,7 +15,7 @@ from lightfield.errors import UsageError
 from lightfield.formula.in_air import in_air
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
-from lightfield.studies.defaults import HALF_WIDTH_M
+from lightfield.studies import defaults
 from lightfield.studies.follower import survey
 from lightfield.studies.follower.array_light import Space
 from lightfield.studies.follower.design import compared, exchange
@@ -41,8 +41,8 @@ class SpaceAndLight(TypedDict):
 
 def space_and_light(
     scene: Scene | AnyPath,
-    half_width: float = HALF_WIDTH_M,
-    medium: Medium = "water",
+    half_width: float = defaults.HALF_WIDTH_M,
+    medium: Medium = defaults.MEDIUM,
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -134,8 +134,8 @@ class Arrays(ToldByDetails[compared.Arrays]):
 def show(
     scene: Scene | AnyPath,
     *,
-    half_width: float = HALF_WIDTH_M,
-    medium: Medium = "water",
+    half_width: float = defaults.HALF_WIDTH_M,
+    medium: Medium = defaults.MEDIUM,
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -169,9 +169,9 @@ def compare(
     scene: Scene | AnyPath,
     with_: Mapping[str, Scene | AnyPath],
     *,
-    task: compared.Task = "formation",
-    half_width: float = HALF_WIDTH_M,
-    medium: Medium = "water",
+    task: compared.Task = defaults.TASK,
+    half_width: float = defaults.HALF_WIDTH_M,
+    medium: Medium = defaults.MEDIUM,
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -209,13 +209,13 @@ def compare(
 def optimise(
     scene: Scene | AnyPath,
     *,
-    elements: int = 8,
-    box: float = 0.4,
-    tilt_max: float = 40.0,
-    spacing: float = 0.025,
-    task: compared.Task = "formation",
-    half_width: float = HALF_WIDTH_M,
-    medium: Medium = "water",
+    elements: int = defaults.ELEMENTS,
+    box: float = defaults.BOX_M,
+    tilt_max: float = defaults.TILT_MAX_DEG,
+    spacing: float = defaults.SPACING_M,
+    task: compared.Task = defaults.TASK,
+    half_width: float = defaults.HALF_WIDTH_M,
+    medium: Medium = defaults.MEDIUM,
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,

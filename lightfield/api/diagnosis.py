@@ -14,7 +14,7 @@ from lightfield.api.result import Result, ToldByDetails
 from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import expected
 from lightfield.diagnosis import plan as planning
-from lightfield.diagnosis.search.cascade import ALPHA
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA
 from lightfield.diagnosis.together import together
 from lightfield.diagnosis.verdict.verdict import Verdict

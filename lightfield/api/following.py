@@ -15,6 +15,7 @@ from lightfield.api.result import ToldByDetails
 from lightfield.arrays import finite
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.studies.defaults import RUNS
 from lightfield.studies.following import study
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def follow(
     *,
     with_: Sequence[Scene | AnyPath] = (),
     believe: str | Sequence[str] = (),
-    runs: int = 4,
+    runs: int = RUNS,
     duration: float | None = None,
     max_photons: float = PHOTONS,
     seed: int = 0,

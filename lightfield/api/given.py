@@ -29,7 +29,7 @@ _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
 #: Numbers that are taken in one range everywhere, by the argument's name: what is said, and what is so.
-_RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
+RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
     "seed": (SEED.rule, SEED.holds),
     "max_photons": (PHOTONS.rule, PHOTONS.holds),
     "rel_error": (REL_ERROR.rule, REL_ERROR.holds),
@@ -39,6 +39,7 @@ _RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
     "box": ("0.01 to 10 m", lambda value: 0.01 <= value <= 10),
     "tilt_max": ("0 to 80 degrees", lambda value: 0 <= value <= 80),
     "spacing": ("0 to 10 m", lambda value: 0 <= value <= 10),
+    # More runs side by side tell no more, and take minutes.
     "runs": ("1 to 200", lambda value: 1 <= value <= 200),
 }
 
@@ -85,7 +86,7 @@ def _broken(name: str, annotation: object, value: object) -> str | None:
     (kind,) = kinds
     origin, inside = get_origin(kind), get_args(kind)
     if kind in (float, int):
-        words, holds = _RANGES.get(name, ("", lambda value: True))
+        words, holds = RANGES.get(name, ("", lambda value: True))
         if not _is_number(value, Integral if kind is int else Real):
             return ", ".join(filter(None, ("a whole number" if kind is int else "a number", words)))
         return None if holds(float(value)) else words  # type: ignore[arg-type]  # a number, as just seen

@@ -14,10 +14,12 @@ from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.experiments import hide as hiding
 from lightfield.experiments.layouts import layout_named
-from lightfield.experiments.measure import PHOTONS, Instrument
+from lightfield.experiments.measure import Instrument
 from lightfield.readings import Readings
+from lightfield.render.limits import MADE_PHOTONS
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
+from lightfield.studies.defaults import HIDDEN_NOISE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -105,11 +107,11 @@ def hide(
     strength: float | None = None,
     seed: int = 0,
     layout: AnyPath | Readings | None = None,
-    noise: float = 0.005,
+    noise: float = HIDDEN_NOISE,
     plane_gain: float = 0.0,
     position: float = 0.0,
     plane_order: bool = False,
-    max_photons: float = PHOTONS,
+    max_photons: float = MADE_PHOTONS,
 ) -> Riddle:
     """Make readings with effects hidden in them, through the full render.
 

@@ -14,7 +14,7 @@ from lightfield.api.given import AnyPath, checked
 from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.studies.defaults import HALF_WIDTH_M
+from lightfield.studies.defaults import HALF_WIDTH_M, MEDIUM
 from lightfield.studies.follower import bias as biases
 from lightfield.studies.follower import sequence
 from lightfield.studies.follower.frames import POSE, in_degrees
@@ -106,7 +106,7 @@ def estimate(
     *,
     filter: bool = False,
     half_width: float = HALF_WIDTH_M,
-    medium: Medium = "water",
+    medium: Medium = MEDIUM,
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,
@@ -139,7 +139,7 @@ def bias(
     *,
     scattering: Sequence[float] | None = None,
     half_width: float = HALF_WIDTH_M,
-    medium: Medium = "water",
+    medium: Medium = MEDIUM,
     max_photons: float = PHOTONS,
     seed: int = 0,
     trace: bool = True,

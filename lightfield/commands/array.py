@@ -10,9 +10,10 @@ from lightfield.commands.shared.answer import answered, outputs_of
 from lightfield.commands.shared.follower import add_space, space_asked
 from lightfield.commands.shared.options import add_answer, add_option, given
 from lightfield.commands.shared.progress import progress_of
-from lightfield.errors import UsageError
+from lightfield.commands.shared.ranges import check_ranges
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
+from lightfield.studies import defaults
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,24 +30,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _task(beside)
     best = tasks.add_parser("optimise", help="the best places and tilts of so many elements")
     _common(best)
-    best.add_argument("--elements", type=int, default=8, metavar="N", help="how many (default 8)")
-    best.add_argument(
-        "--box", type=float, default=0.4, metavar="M", help="side of the square they lie in (default 0.4 m)"
-    )
-    best.add_argument(
-        "--tilt-max", type=float, default=40.0, metavar="DEG", help="largest tilt in x and in y (default 40)"
-    )
-    best.add_argument(
-        "--spacing", type=float, default=0.025, metavar="M", help="least distance of two (default 0.025 m)"
-    )
+    add = best.add_argument
+    add("--elements", type=int, default=defaults.ELEMENTS, metavar="N", help="how many (default %(default)g)")
+    add(
+        "--box", type=float, default=defaults.BOX_M, metavar="M",
+        help="side of the square they lie in (default %(default)g m)",
+    )  # fmt: skip
+    add(
+        "--tilt-max", type=float, default=defaults.TILT_MAX_DEG, metavar="DEG",
+        help="largest tilt in x and in y (default %(default)g)",
+    )  # fmt: skip
+    add(
+        "--spacing", type=float, default=defaults.SPACING_M, metavar="M",
+        help="least distance of two (default %(default)g m)",
+    )  # fmt: skip
     best.add_argument("--table", type=Path, metavar="OUT.csv", help="write the best as a table of elements")
     _task(best)
 
 
 def _task(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--task", choices=("formation", "docking"), default="formation",
-        help="poses that count: the whole formation space, or the way home near the lamp (default formation)",
+        "--task", choices=("formation", "docking"), default=defaults.TASK,
+        help="poses that count: the whole formation space, or the way home near the lamp "
+        "(default %(default)s)",
     )  # fmt: skip
 
 
@@ -88,14 +94,7 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
     from lightfield.api.array import optimise
     from lightfield.studies.follower.design.exchange import BEST
 
-    for name, value, low, high in (
-        ("--elements", args.elements, 2, 200),
-        ("--box", args.box, 0.01, 10.0),
-        ("--tilt-max", args.tilt_max, 0.0, 80.0),
-        ("--spacing", args.spacing, 0.0, 10.0),
-    ):
-        if not low <= value <= high:
-            raise UsageError("impossible value", where=name, found=value, rule=f"{low:g} to {high:g}")
+    check_ranges(args, "elements", "box", "tilt_max", "spacing")
     with progress_of("array"):
         answer = optimise(
             scene, **given(args, "elements", "box", "tilt_max", "spacing", "task"), **space_asked(args)

@@ -16,10 +16,12 @@ from lightfield.commands.shared.progress import progress_of
 from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
+from lightfield.render.limits import AT_READINGS
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
+from lightfield.studies.defaults import SOLVER
 
 if TYPE_CHECKING:
     from lightfield.studies.compare.readings import FitReport
@@ -46,9 +48,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--solver",
         choices=("analytic", "render"),
-        default="analytic",
+        default=SOLVER,
         help="render: correct the fast model by fresh traces of the fitted scene, as well as --rel-error, "
-        "--max-photons (here 0.01 and 3e6 if not given) and --seed say",
+        f"--max-photons (here {AT_READINGS.rel_error:g} and {AT_READINGS.max_photons:g} if not given) and "
+        "--seed say",
     )
     add_option(group, "--no-trace")
     group.add_argument("--fit-json", type=Path, metavar="OUT", help="write fit and residuals as JSON")
@@ -61,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     if args.scene is not None or kind == ".csv":
         return _readings(args)
     fitted = args.with_effects or args.effects_file or args.fit_json
-    if fitted or args.solver != "analytic" or args.no_trace:
+    if fitted or args.solver != SOLVER or args.no_trace:
         raise UsageError(
             "nothing is fitted here",
             where=str(args.what),
@@ -186,7 +189,7 @@ def _fit(
         command = f"compare {args.what.name} --scene {args.scene.name}"
         if names:
             command += f" --with {','.join(names)}"
-        if args.solver != "analytic":
+        if args.solver != SOLVER:
             command += f" --solver {args.solver}"
         if args.no_trace:
             command += " --no-trace"

@@ -11,6 +11,8 @@ from pathlib import Path
 from lightfield.commands.shared.answer import outputs_of, write_json
 from lightfield.commands.shared.options import add_option, effects_asked
 from lightfield.commands.shared.progress import stage_line
+from lightfield.commands.shared.ranges import check_ranges
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.verdict.parts import Kind
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.errors import UsageError
@@ -37,7 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--report")
     add_option(parser, "--output", help="write verdict, one scene per rung, and the ledger")
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of the verdict and stop")
-    parser.add_argument("--alpha", type=float, default=None, help="false-alarm probability (default 0.01)")
+    parser.add_argument(
+        "--alpha", type=float, default=ALPHA, help="false-alarm probability (default %(default)g)"
+    )
     add_option(parser, "--seed", 0)
     add_option(parser, "--no-trace")
     parser.add_argument(
@@ -57,11 +61,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             "diagnose needs readings and a scene", remedy="lightfield diagnose DATA --scene SCENE"
         )
-    if args.alpha is not None and not 0.0005 <= args.alpha <= 0.5:
-        raise UsageError(
-            "impossible probability", where="--alpha", found=args.alpha, rule="0.0005 to 0.5",
-            remedy="leave it out for 0.01",
-        )  # fmt: skip
+    check_ranges(args, "alpha")
     names = None if args.effects is None else effects_asked(args)
     scene = with_effects(Scene.load(args.scene), args.effects_file)
     readings = read_table(args.data, scene)
@@ -72,7 +72,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: argparse.Namespace) -> int:
     from lightfield.diagnosis.diagnose import CURVES, HYPOTHESES, VERDICT, diagnose
-    from lightfield.diagnosis.search.cascade import ALPHA
     from lightfield.diagnosis.verdict.best_set.so_far import SoFar
     from lightfield.fitting.fitted_curves import LAMP_TABLE, SPECTRUM_TABLE
 
@@ -90,7 +89,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
                 scene,
                 diffuse=None if args.no_trace else "trace",
                 only=names,
-                alpha=ALPHA if args.alpha is None else args.alpha,
+                alpha=args.alpha,
                 seed=args.seed or 0,
                 progress=so_far,
             )

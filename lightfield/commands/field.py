@@ -10,6 +10,7 @@ from lightfield.commands.shared.progress import progress_of
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
+from lightfield.studies.defaults import FIELD_HALF_WIDTH_M, FIELD_STEP_M
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +20,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(export, "scene")
     add_option(export, "--output", required=True, metavar="OUT.nc", help="NetCDF file")
     export.add_argument(
-        "--half-width", type=float, default=0.5, metavar="M", help="in x and y (default 0.5 m)"
+        "--half-width",
+        type=float,
+        default=FIELD_HALF_WIDTH_M,
+        metavar="M",
+        help="in x and y (default %(default)g m)",
     )
     export.add_argument(
         "--from",
@@ -30,7 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_option(export, "--to", dest="far", help="last distance (default: the last plane or position)")
     export.add_argument(
-        "--step", type=float, default=0.1, metavar="M", help="across the beam (default 0.1 m)"
+        "--step",
+        type=float,
+        default=FIELD_STEP_M,
+        metavar="M",
+        help="across the beam (default %(default)g m)",
     )
     for option in (("--max-photons", FIELD_PHOTONS), ("--seed", 0)):
         add_option(export, *option)

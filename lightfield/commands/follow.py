@@ -10,14 +10,13 @@ from lightfield.commands.shared.answer import answered, outputs_of, write_json
 from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_answer, add_option
 from lightfield.commands.shared.progress import progress_of
+from lightfield.commands.shared.ranges import check_ranges
 from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
-from lightfield.scene import Scene
+from lightfield.scene import Follower, Scene
 from lightfield.storage.files import atomic_path, output_folder
+from lightfield.studies.defaults import RUNS
 from lightfield.sweep.axes import FORMS, parse_axis
-
-#: More runs side by side tell no more, and take minutes.
-MOST_RUNS = 200
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,13 +28,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="light it believes in: field, fitted, exact, clear, relative (default: as the scene says)",
     )  # fmt: skip
     parser.add_argument(
-        "--runs", type=int, default=4, metavar="N",
+        "--runs", type=int, default=RUNS, metavar="N",
         help="each with noise, gain, water and lamp's direction of its own, as far as the scene says that "
-        "they are not known (default 4)",
+        "they are not known (default %(default)g)",
     )  # fmt: skip
+    unsaid = Follower().mission.duration_s
     parser.add_argument(
-        "--duration", type=float, metavar="S", help="of a run (default: as the scene says, 120 s)"
-    )
+        "--duration", type=float, metavar="S",
+        help=f"of a run (default: as the scene says, {unsaid:g} s where it does not)",
+    )  # fmt: skip
     add_answer(parser)
     parser.add_argument(
         "--track", type=Path, metavar="OUT.nc", help="write the first follower's runs over time"
@@ -60,8 +61,7 @@ def run(args: argparse.Namespace) -> int:
     scenes = by_name((str(path), one.name or path.stem, one) for path, one in zip(paths, every, strict=True))
     read = [table for one in every for table in one.tables]
     outputs_of(args, *paths, *read, also=args.track)
-    if not 1 <= args.runs <= MOST_RUNS:
-        raise UsageError("impossible number", where="--runs", found=args.runs, rule=f"1 to {MOST_RUNS}")
+    check_ranges(args, "runs")
     if args.vary or args.output:
         return _sweep(scenes[next(iter(scenes))], args)
     beliefs = names_in(args.believe or "")

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from lightfield.commands.shared.options import add_option, assignment, given
 from lightfield.commands.shared.progress import progress_of
+from lightfield.render.limits import MADE_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file
+from lightfield.studies.defaults import HIDDEN_NOISE
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="line, half, grid, fine, column or air, or a table of places, FILE.csv (default: line, or the "
         "positions that the scene lists)",
     )
-    add("--noise", type=float, default=0.005, metavar="REL", help="relative noise (default 0.005)")
+    add(
+        "--noise",
+        type=float,
+        default=HIDDEN_NOISE,
+        metavar="REL",
+        help="relative noise (default %(default)g)",
+    )
     add(
         "--plane-gain",
         type=float,
@@ -58,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="error of every position, stated in the head of the table (default 0)",
     )
     add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
-    add_option(parser, "--max-photons", "3e7; what it leaves unknown is stated with the errors")
+    add_option(parser, "--max-photons", f"{MADE_PHOTONS:g}; what it leaves unknown is stated with the errors")
     add_option(parser, "--output", required=True, help="scene.toml, data.csv, truth.json")
 
 

@@ -34,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             f"--{name.replace('_', '-')}", type=float, default=default, metavar=metavar,
             help=f"{text} (default {default:g})",
         )  # fmt: skip
+    waters = " and ".join(f"{name}={a:g},{b:g}" for name, (a, b) in defaults.LINK_WATERS.items())
     parser.add_argument(
         "--water", action="append", default=[], metavar="NAME=A,B",
-        help="absorption and scattering in 1/m to compare with; may be given again (default: clear=0.05,0.05 "
-        "and turbid=0.05,0.3)",
+        help=f"absorption and scattering in 1/m to compare with; may be given again (default: {waters})",
     )  # fmt: skip
     add_option(parser, "--to", "%(default)g", default=defaults.LINK_TO_M)
     add_tracing(parser, ON_AXIS)

@@ -8,7 +8,7 @@ from pathlib import Path
 from lightfield.commands.shared.options import add_option
 from lightfield.commands.shared.progress import stage_line
 from lightfield.errors import UsageError
-from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
+from lightfield.render.settings import PICTURE_PATHS, PICTURE_PIXELS, PICTURE_SAMPLES, PICTURE_SIZE
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
 
@@ -20,9 +20,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser, "--output", "picture.png", default=Path("picture.png"), metavar="PNG",
         help="PNG file; the linear light goes beside it as .exr (default: {})",
     )  # fmt: skip
-    parser.add_argument("--size", default="720x405", metavar="WxH", help="pixels (default %(default)s)")
+    size = "x".join(map(str, PICTURE_SIZE))
+    parser.add_argument("--size", default=size, metavar="WxH", help="pixels (default %(default)s)")
     parser.add_argument(
-        "--samples", type=int, default=64, help="paths per pixel and colour (default %(default)d)"
+        "--samples", type=int, default=PICTURE_PATHS, help="paths per pixel and colour (default %(default)d)"
     )
     add_option(parser, "--seed", 0)
     parser.add_argument(

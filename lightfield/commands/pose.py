@@ -11,6 +11,7 @@ from lightfield.commands.shared.options import add_answer, add_option, numbers
 from lightfield.commands.shared.progress import progress_of
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.studies.defaults import SCATTERING_PER_M
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bias = tasks.add_parser("bias", help="the error of a follower that believes the formula")
     add_option(bias, "scene", help="scene file with an [array]")
     bias.add_argument(
-        "--scattering", metavar="B,B,...", help="waters on the axis, 1/m (default 0,0.05,0.1,0.15,0.2,0.3)"
+        "--scattering",
+        metavar="B,B,...",
+        help=f"waters on the axis, 1/m (default {','.join(f'{b:g}' for b in SCATTERING_PER_M)})",
     )
     for task in (estimate, bias):
         add_answer(task)

@@ -34,9 +34,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add("--snr", default=defaults.SNR, metavar="K", help="signal over noise (default %(default)g)")
     add_option(parser, "--to", "twice the last plane or position")
+    side = defaults.ARRAY_COUNT
     parser.add_argument(
         "--array", type=int, metavar="N",
-        help="receivers on a side (default: the scene's [array]; without one 5 x 5 on 0.4 m, curved)",
+        help=f"receivers on a side (default: the scene's [array]; without one {side} x {side} on "
+        f"{defaults.ARRAY_SIDE_M:g} m, curved)",
     )  # fmt: skip
     parser.add_argument("--array-side", type=float, metavar="M", help="side of the array, m")
     parser.add_argument("--array-radius", type=float, metavar="M", help="of its curvature, m; 0: flat")

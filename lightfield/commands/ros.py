@@ -6,15 +6,14 @@ import argparse
 
 from lightfield.commands.shared.follower import add_space, space_asked
 from lightfield.commands.shared.options import add_option
+from lightfield.studies.defaults import FRAME
 from lightfield.studies.follower.elements import elements_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     add_option(parser, "scene", help="scene file with an [array]")
-    parser.add_argument(
-        "--frame", default="array_link", metavar="NAME", help="of the array (default array_link)"
-    )
+    parser.add_argument("--frame", default=FRAME, metavar="NAME", help="of the array (default %(default)s)")
     add_space(parser)
 
 

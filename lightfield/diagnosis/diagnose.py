@@ -13,10 +13,11 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array, finite
 from lightfield.diagnosis import ledger
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.course import Inquiry, course
 from lightfield.diagnosis.problem.setup import source_of, spectral
-from lightfield.diagnosis.search.cascade import ALPHA, SearchResult
+from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict import calibration, compose
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
@@ -42,7 +43,8 @@ from lightfield.fitting.fitted_curves import (
 from lightfield.fitting.forward import SceneForward
 from lightfield.memory import give_back
 from lightfield.readings import Readings
-from lightfield.render.at_readings import REL_ERROR, rendered_light
+from lightfield.render.at_readings import rendered_light
+from lightfield.render.limits import AT_READINGS
 from lightfield.scene import Scene
 from lightfield.storage.files import atomic_path
 
@@ -132,7 +134,11 @@ class Diagnosis:
             Photon budget of a trace.
         """
         problem, verdict = self.prepared.problem, self.verdict
-        photons, precision, floor = min(FRESH_PHOTONS, max_photons), REL_ERROR, self._floor_percent
+        photons, precision, floor = (
+            min(FRESH_PHOTONS, max_photons),
+            AT_READINGS.rel_error,
+            self._floor_percent,
+        )
         light, error = self._rendered(photons, precision, 1)
         fresh, stderr = self._off_percent(light, error)
         if stderr > _PRECISE * floor > 0 and photons < max_photons:

@@ -18,9 +18,10 @@ from lightfield.errors import OutputError, UsageError
 from lightfield.experiments import unknowns
 from lightfield.experiments.hidden_curves import draw_curve, field_to_hide
 from lightfield.experiments.layouts import LISTED, Order, scan
-from lightfield.experiments.measure import PHOTONS, Instrument, LightInDoubt, in_doubt, measure, rendered
+from lightfield.experiments.measure import Instrument, LightInDoubt, in_doubt, measure, rendered
 from lightfield.fitting import effects
 from lightfield.readings import Readings, write_table
+from lightfield.render.limits import MADE_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.curve import sum_of
 from lightfield.storage.files import atomic_path
@@ -269,7 +270,7 @@ def hide(
     *,
     layout: str | Readings | None = None,
     order: Order = "random",
-    max_photons: float = PHOTONS,
+    max_photons: float = MADE_PHOTONS,
 ) -> Hidden:
     """A measurement of the scene with effects hidden in it.
 

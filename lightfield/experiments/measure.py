@@ -12,14 +12,15 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
+from lightfield.render.limits import MADE_PHOTONS
 from lightfield.scene import Scene
 
 #: Samples that a standard error is estimated from.
 SAMPLES = 40
 #: Read noise over the largest reading.
 FLOOR = 0.0008
-#: Photons of the render at most, and its error as a part of the noise: readings shall scatter by their noise.
-PHOTONS, ERROR_OF_NOISE = 3e7, 0.25
+#: Error of the render as a part of the noise: readings shall scatter by their noise.
+ERROR_OF_NOISE = 0.25
 #: Part of the readings at which the render may err by more than the noise: as of the cells of a render, whose
 #: error is that of 95 in a hundred.
 _SELDOM = 0.05
@@ -129,7 +130,7 @@ def in_doubt(
 
 
 def rendered(
-    truth: Scene, table: Readings, noise: float, rng: np.random.Generator, max_photons: float = PHOTONS
+    truth: Scene, table: Readings, noise: float, rng: np.random.Generator, max_photons: float = MADE_PHOTONS
 ) -> LightAtReadings:
     """The full render at the places of a table, with an error that is small beside the noise."""
     light, stderr = rendered_light(

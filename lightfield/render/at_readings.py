@@ -17,6 +17,7 @@ from lightfield.readings import Readings
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.direct import direct_at
+from lightfield.render.limits import AT_READINGS
 from lightfield.render.maps import Rendering, render_scene, software
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import positions_grid
@@ -30,8 +31,6 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-PHOTONS = 3e6
-REL_ERROR = 0.01
 #: Largest cell around a reading.
 CELL_M = 0.1
 #: Moments at which changing water is evaluated; between them nothing of the light is lost.
@@ -43,8 +42,8 @@ def rendered_light(
     readings: Readings,
     *,
     seed: int = 1,
-    rel_error: float = REL_ERROR,
-    max_photons: float = PHOTONS,
+    rel_error: float = AT_READINGS.rel_error,
+    max_photons: float = AT_READINGS.max_photons,
     symmetry: bool = False,
 ) -> tuple[Array, Array]:
     """Light at the readings for unit on-axis intensity, from a fresh render of the whole scene.

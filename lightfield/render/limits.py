@@ -29,6 +29,8 @@ class Precision:
 #: bands and of data; the grid of where the formula holds.
 OF_MAPS, OF_SWEEPS = Precision(0.02, 1e8), Precision(0.05, 2e6)
 ON_AXIS, OF_REGIME = Precision(0.005, 4e6), Precision(0.01, 4e6)
+#: The render at the places of readings, beside a fit; and of readings that are made, how many photons.
+AT_READINGS, MADE_PHOTONS = Precision(0.01, 3e6), 3e7
 #: Photons, unless others are asked for: of the light field around an array, and of the flux vector along the
 #: axis, whose derivatives tell what a pose is worth (1 % of a bound at 10 m, 4 % at 17).
 FIELD_PHOTONS, AXIS_PHOTONS = 1e7, 2e6

@@ -59,9 +59,9 @@ class Picture:
 def take_picture(
     scene: Scene,
     *,
-    width: int = 960,
-    height: int = 540,
-    samples: int = 64,
+    width: int,
+    height: int,
+    samples: int,
     seed: int = 0,
     lend: bool = True,
     progress: Callable[[str], None] | None = None,

@@ -9,6 +9,8 @@ from lightfield.render.limits import OF_MAPS, REL_ERROR, check_photons, check_re
 
 #: Least and most pixels of a side of a camera view, and paths per pixel and colour.
 PICTURE_PIXELS, PICTURE_SAMPLES = (16, 8192), (2, 100_000)
+#: Width and height, and paths, unless told otherwise.
+PICTURE_SIZE, PICTURE_PATHS = (720, 405), 64
 #: Relative error, the least that may be asked for, of a trace that ends with its photons.
 BY_PHOTONS = REL_ERROR.low
 #: Independent batches of a trace, from whose spread errors come: as many as a tally of so many bytes holds.

@@ -27,6 +27,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, over_band
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.defaults import FIELD_STEP_M
 from lightfield.version import __version__
 
 #: Places of a grid at most: more would be a file of gigabytes.
@@ -51,7 +52,7 @@ class Asked:
     half_width_m: float
     near_m: float
     far_m: float
-    step_m: float = 0.1
+    step_m: float = FIELD_STEP_M
 
     def axes(self) -> tuple[Array, Array]:
         """Places across the beam, and along it, m."""

@@ -22,10 +22,11 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
+from lightfield.studies.defaults import FRAME
 from lightfield.studies.follower.frames import UNKNOWN_VARIANCE, FramedPose, covariance_of, lamp_seen
 from lightfield.studies.follower.pose import Estimator, PoseEstimate
 
-FRAME, NODE = "array_link", "lightfield_pose"
+NODE = "lightfield_pose"
 #: Messages that wait at most.
 QUEUE = 10
 #: Levels of diagnostic_msgs/DiagnosticStatus.

@@ -23,6 +23,7 @@ from lightfield.scene import Scene
 from lightfield.studies.compare import maps as comparing
 from lightfield.studies.compare import readings as fitting
 from lightfield.studies.compare import text
+from lightfield.studies.defaults import SOLVER
 
 if TYPE_CHECKING:
     from lightfield.report.style import Axes
@@ -129,7 +130,7 @@ def compare(
 @overload
 def compare(
     what: Readings | AnyPath, scene: Scene | AnyPath, *, with_: str | Sequence[str] = (),
-    effects_file: AnyPath | None = None, solver: str = "analytic", trace: bool = True,
+    effects_file: AnyPath | None = None, solver: str = SOLVER, trace: bool = True,
     rel_error: float | None = None, max_photons: float | None = None, seed: int | None = None,
     cache: bool = True,
 ) -> Fit: ...  # fmt: skip
@@ -141,7 +142,7 @@ def compare(
     *,
     with_: str | Sequence[str] = (),
     effects_file: AnyPath | None = None,
-    solver: str = "analytic",
+    solver: str = SOLVER,
     trace: bool = True,
     rel_error: float | None = None,
     max_photons: float | None = None,
@@ -190,7 +191,7 @@ def compare(
         what = _maps_of(what)
     asked = _asked(rel_error, max_photons, seed)
     if scene is None and not isinstance(what, Readings):
-        if with_ or effects_file is not None or solver != "analytic" or not trace:
+        if with_ or effects_file is not None or solver != SOLVER or not trace:
             raise UsageError(
                 "nothing is fitted here",
                 rule="with_, effects_file, solver and trace belong to readings",

@@ -13,13 +13,12 @@ from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.result import Result
 from lightfield.errors import OutputError
 from lightfield.render import picture as camera
+from lightfield.render.settings import PICTURE_PATHS, PICTURE_SIZE
 from lightfield.scene import Scene
 
 if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
-#: Width and height, and paths per pixel and colour, unless told otherwise; the same as the command's.
-SIZE, SAMPLES = (720, 405), 64
 COLOURS = ("red", "green", "blue")
 
 
@@ -106,8 +105,8 @@ class Picture(Result[camera.Picture]):
 def picture(
     scene: Scene | AnyPath,
     *,
-    size: tuple[int, int] = SIZE,
-    samples: int = SAMPLES,
+    size: tuple[int, int] = PICTURE_SIZE,
+    samples: int = PICTURE_PATHS,
     seed: int = 0,
     as_is: bool = False,
 ) -> Picture:

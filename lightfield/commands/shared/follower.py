@@ -8,7 +8,7 @@ from typing import Any
 from lightfield.commands.shared.options import add_option, given
 from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
-from lightfield.studies.defaults import HALF_WIDTH_M
+from lightfield.studies.defaults import HALF_WIDTH_M, MEDIUM
 
 
 def add_space(parser: argparse.ArgumentParser) -> None:
@@ -18,8 +18,8 @@ def add_space(parser: argparse.ArgumentParser) -> None:
         help="of the formation space in x and y (default %(default)g m); in z as far as planes or positions",
     )  # fmt: skip
     parser.add_argument(
-        "--medium", choices=("water", "air"), default="water",
-        help="air: the tank empty, as a rehearsal on the bench has it (default water)",
+        "--medium", choices=("water", "air"), default=MEDIUM,
+        help="air: the tank empty, as a rehearsal on the bench has it (default %(default)s)",
     )  # fmt: skip
     add_option(parser, "--max-photons", FIELD_PHOTONS)
     add_option(parser, "--seed", 0)

@@ -18,14 +18,12 @@ from scipy import special
 
 from lightfield.arrays import TINY, Array
 from lightfield.decompositions import thin_svd
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, beside, combined, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Family-wise level at which the base model is given up. Chosen: one false alarm in a hundred tables;
-#: tests/unit/diagnosis/adequacy/test_adequacy.py holds it where nothing is missing.
-ALPHA = 0.01
 SPANS = ("x", "plane", "time")
 SCANS = ("bump", "ripple", "step", "one plane")
 #: A template that keeps less than this part of its length beside the free parameters is absorbed by them.

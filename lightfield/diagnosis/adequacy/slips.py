@@ -22,7 +22,7 @@ from lightfield.diagnosis.problem.layout import AIR_APART_M, LEAST_RANGE, PLACE_
 #: Rows of places beside each other: numbers along them are no lengths.
 _ROWS = ("along x", "along y", "along z")
 #: Probability with which slips alone are called a structure, by their places or by their number. Chosen:
-#: rarer than a false alarm (`score_tests.ALPHA`), to which it adds; test_slips.py holds it.
+#: rarer than a false alarm (`level.ALPHA`), to which it adds; test_slips.py holds it.
 FALSE_ALARM = 0.003
 #: Random choices of as many places: the chance of FALSE_ALARM is then known to two fifths.
 PERMUTATIONS = 1999

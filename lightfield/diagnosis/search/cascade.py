@@ -13,7 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, AdequacyTest
+from lightfield.diagnosis.adequacy.level import ALPHA
+from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import (

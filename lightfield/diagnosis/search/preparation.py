@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.robust import (
     SAME_RHO,
     Serial,
@@ -26,7 +27,7 @@ from lightfield.diagnosis.adequacy.robust import (
     unstated_error,
 )
 from lightfield.diagnosis.adequacy.scale import scale_along
-from lightfield.diagnosis.adequacy.score_tests import ALPHA, VARIANCE_EXCESS, Adequacy, AdequacyTest
+from lightfield.diagnosis.adequacy.score_tests import VARIANCE_EXCESS, Adequacy, AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Budget, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem

@@ -13,7 +13,8 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.score_tests import ALPHA, Adequacy, Score
+from lightfield.diagnosis.adequacy.level import ALPHA
+from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener

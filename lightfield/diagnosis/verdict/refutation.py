@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import TINY
-from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Problem

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from lightfield.arrays import finite
-from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.report.diagnosis.drawn import drawn_readings
 from lightfield.report.diagnosis.figures import data_figure, residual_map

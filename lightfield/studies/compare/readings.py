@@ -39,6 +39,7 @@ from lightfield.render.at_readings import rendered_light
 from lightfield.render.settings import Tracing
 from lightfield.scene import Scene
 from lightfield.studies.compare.residuals import Residuals
+from lightfield.studies.defaults import SOLVER
 
 #: Correlations below this are not printed.
 _WORTH_PRINTING = 0.3
@@ -209,7 +210,7 @@ def fit_readings(
     scene: Scene,
     with_effects: Sequence[str] = (),
     *,
-    solver: str = "analytic",
+    solver: str = SOLVER,
     diffuse: DiffuseSource | str | None = None,
     tracing: Tracing | None = None,
 ) -> FitReport:

@@ -23,6 +23,7 @@ from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.defaults import SCATTERING_PER_M
 from lightfield.studies.follower.array_light import (
     STEP,
     ArrayModel,
@@ -52,8 +53,6 @@ EXACT, FITTED, CLEAR, RELATIVE = (
 CALIBRATIONS = (EXACT, FITTED, CLEAR, RELATIVE)
 #: Scattering, 1/m, of the water in which a calibration that is then kept was made (follower at home, chosen).
 CLEAR_PER_M = 0.02
-#: Waters that are looked at where none are named, 1/m: from none to that of a harbour.
-SCATTERING_PER_M = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
 #: Attenuation by which paths through water are told, 1/m.
 _TRIED_PER_M = 0.1
 #: Places of a map across and along the formation space.

@@ -16,6 +16,7 @@ from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
+from lightfield.studies.defaults import RUNS
 from lightfield.studies.follower.bias import CLEAR_PER_M
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
@@ -265,7 +266,7 @@ def follow(
     scenes: Mapping[str, Scene],
     believes: Sequence[str] = (),
     *,
-    runs: int = 4,
+    runs: int = RUNS,
     seed: int = 0,
     photons: float = FIELD_PHOTONS,
     densest: float | None = None,

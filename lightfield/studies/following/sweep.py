@@ -19,6 +19,7 @@ from lightfield.render.limits import FIELD_PHOTONS, PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import follower_in
 from lightfield.storage import inputs
+from lightfield.studies.defaults import RUNS
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, OverRuns
@@ -64,7 +65,7 @@ def run_follow_sweep(
     axes: list[Axis],
     path: Path,
     *,
-    runs: int = 4,
+    runs: int = RUNS,
     seed: int = 0,
     photons: float = FIELD_PHOTONS,
     workers: int = 0,

@@ -30,6 +30,7 @@ from lightfield.scene.all_parameters import without
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.studies import defaults
 from lightfield.studies.attenuation.excess import grey
+from lightfield.studies.defaults import LINK_WATERS
 from lightfield.studies.light_at import FARTHEST_M, refuse_dark
 from lightfield.studies.link.arrival import Colours, along_axis
 from lightfield.studies.link.receiver import SEEN_SNR, Receiver
@@ -40,7 +41,6 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
-WATERS = {"clear": (0.05, 0.05), "turbid": (0.05, 0.30)}
 #: Farthest distance at which the accuracy of poses is asked about, m, and photons for it.
 DOCKING_TO_M, DOCKING_PHOTONS = 20.0, 1e6
 #: Nearest distance, m, unless told otherwise.
@@ -126,7 +126,7 @@ def link(
         grey ones in the same light.
     receiver : Receiver, optional
     waters : mapping of (a, b), optional, 1/m
-        To compare with; default `WATERS`.
+        To compare with; default `LINK_WATERS`.
     from_m, to_m : float, m
     **tracing
         Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache.
@@ -147,7 +147,7 @@ def link(
             remedy=f"let the farthest distance lie between {from_m:g} and {FARTHEST_M:g} m",
         )  # fmt: skip
     refuse_pencil(scene.lamp)
-    every = {"scene": Colours.of(scene).water_of(scene), **(WATERS if waters is None else waters)}
+    every = {"scene": Colours.of(scene).water_of(scene), **(LINK_WATERS if waters is None else waters)}
     if "scene" in (waters or ()):
         raise UsageError(
             "a water of another name is wanted", where="scene", rule="the scene's own is called so"

@@ -11,6 +11,7 @@ from lightfield.formula.own_formulas import lit
 from lightfield.scene import DetectorArray, Scene
 from lightfield.scene.in_tank import follower_in
 from lightfield.scene.lamp.frame import axis_at, is_tilted
+from lightfield.studies.defaults import ARRAY_COUNT, ARRAY_SIDE_M
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
@@ -20,7 +21,7 @@ from lightfield.studies.working_range.smooth_light import smooth_light
 
 #: The array of a scene that has none: that which the group's own later work settled on (Eren 2015, thesis,
 #: University of New Hampshire, scholars.unh.edu/dissertation/2193).
-ARRAY = DetectorArray(count=(5, 5), size_m=0.4, radius_m=0.32)
+ARRAY = DetectorArray(count=(ARRAY_COUNT, ARRAY_COUNT), size_m=ARRAY_SIDE_M, radius_m=0.32)
 
 #: Water between an array and a wall, m: enough for the finest cells of its light.
 _BESIDE_M = 0.1

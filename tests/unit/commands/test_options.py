@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from lightfield import commands
+from lightfield import api, commands
 from lightfield.commands import link, sweep
 from lightfield.commands.shared.line import COMMANDS, _module, prepared
 from lightfield.commands.shared.options import OPTIONS, photon_count, seed_number
@@ -43,6 +43,47 @@ def test_a_shared_option_is_nowhere_declared_again() -> None:
             words = [one.value for one in node.args if isinstance(one, ast.Constant)]
             again += [(module.stem, word) for word in words if word in OPTIONS]
     assert again == [("compare", "--with")]
+
+
+def test_what_a_command_and_python_take_by_default_is_declared_once() -> None:
+    """Both read it: neither states a number or a word of its own, not even in the help."""
+    stated: dict[str, set[str]] = {}
+    for module in sorted(Path(api.__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef):
+                given, defaults = node.args.args, node.args.defaults
+                pairs = [*zip(given[len(given) - len(defaults) :], defaults, strict=True)]
+                for name, default in [*pairs, *zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True)]:
+                    stated.setdefault(name.arg, set()).update([module.stem] if chosen(default) else [])
+    of_python, twice = set(stated), []
+    for module in sorted(Path(commands.__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+            for name in options_of(node) & of_python:
+                told = [k.value for k in node.keywords if k.arg == "default"]
+                shown = [ast.unparse(k.value) for k in node.keywords if k.arg == "help"]
+                shown += [f"(default {ast.unparse(one)}" for one in node.args[2:]]
+                number = any(re.search(r"\(default:? '?[-+.\d]*[1-9]", text) for text in shown)
+                wrong = number or any(map(chosen, told))
+                twice += [(name, where) for where in (*stated[name], *[module.stem] * bool(wrong))]
+    assert {"noise", "runs", "box", "samples", "medium", "alpha"} <= of_python
+    assert twice == []
+
+
+def options_of(node: ast.AST) -> set[str]:
+    """What Python calls the options that a call declares."""
+    if not isinstance(node, ast.Call) or "add" not in ast.unparse(node.func).split(".")[-1]:
+        return set()
+    words = [one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
+    return {word[2:].replace("-", "_") for word in words if word.startswith("--")}
+
+
+def chosen(default: ast.expr | None) -> bool:
+    """Is it written out, and more than nothing, none or the first?"""
+    try:
+        value = ast.literal_eval(ast.unparse(default)) if default is not None else None
+    except ValueError:
+        return False  # a name, which is declared elsewhere
+    return value not in (None, False, True, "", (), [])
 
 
 @pytest.mark.parametrize("made", [Settings, SweepSettings])

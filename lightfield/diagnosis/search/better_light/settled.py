@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import go_together
 from lightfield.diagnosis.problem.problem import Explanation, Problem

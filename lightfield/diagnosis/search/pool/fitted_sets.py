@@ -15,7 +15,8 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.score_tests import ALPHA, AdequacyTest, Score
+from lightfield.diagnosis.adequacy.level import ALPHA
+from lightfield.diagnosis.adequacy.score_tests import AdequacyTest, Score
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem

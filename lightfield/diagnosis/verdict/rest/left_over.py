@@ -12,7 +12,7 @@ from functools import partial
 import numpy as np
 
 from lightfield.arrays import TINY, Array, finite
-from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.local_unknowns import with_unknowns

@@ -16,6 +16,7 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
+from lightfield.studies.defaults import TASK
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
@@ -35,7 +36,7 @@ TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
 RIDGE = 1e-9
 
 
-def task_poses(space: Space, task: Task = "formation") -> Array:
+def task_poses(space: Space, task: Task = TASK) -> Array:
     """Poses of a task in a formation space, m and rad, shape (n, 6)."""
     parts, sideways, yaws = TASKS[task]
     length = space.far_m - space.near_m
@@ -187,7 +188,7 @@ def compare_arrays(
     scene: Scene,
     others: Mapping[str, Scene],
     space: Space,
-    task: Task = "formation",
+    task: Task = TASK,
     *,
     photons: float = FIELD_PHOTONS,
     seed: int = 0,

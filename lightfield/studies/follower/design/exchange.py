@@ -21,6 +21,7 @@ from lightfield.arrays import Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
+from lightfield.studies.defaults import SPACING_M, TASK, TILT_MAX_DEG
 from lightfield.studies.follower.array_light import Space
 from lightfield.studies.follower.design.compared import Arrays, ArraySetting, Task, judged_array, setting_of
 from lightfield.studies.follower.elements import Elements, elements_of
@@ -65,8 +66,8 @@ class Mounting:
     """
 
     box_m: float
-    tilt_max_deg: float = 40.0
-    spacing_m: float = 0.025
+    tilt_max_deg: float = TILT_MAX_DEG
+    spacing_m: float = SPACING_M
 
 
 def optimise_array(
@@ -74,7 +75,7 @@ def optimise_array(
     elements: int,
     room: Mounting,
     *,
-    task: Task = "formation",
+    task: Task = TASK,
     space: Space,
     photons: float = FIELD_PHOTONS,
     seed: int = 0,
