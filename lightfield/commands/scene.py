@@ -9,25 +9,11 @@ from pathlib import Path
 
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
+from lightfield.scene.all_parameters import without_effect
 from lightfield.scene.lamp.photometry import beam_table
 from lightfield.storage import toml
 from lightfield.storage.files import output_file
 
-_BEAMS = ("gaussian", "super-gaussian", "two-component")
-#: What counts for some choices alone: the field that holds the choice, and those for which it does.
-_ONLY_FOR: dict[str, dict[str, tuple[str, tuple[str, ...]]]] = {
-    "lamp": {
-        "hwhm_deg": ("profile", _BEAMS),
-        "shape_exponent": ("profile", ("super-gaussian",)),
-        "skirt_fraction": ("profile", ("two-component",)),
-        "skirt_hwhm_deg": ("profile", ("two-component",)),
-        "intensity_table": ("profile", ("table",)),
-        "temperature_k": ("spectrum", ("planck",)),
-        "spectrum_table": ("spectrum", ("table",)),
-    },
-    "water": {"table": ("base", ("table",))},
-    "detector": {"response_table": ("response", ("table",))},
-}
 #: Of the light on its axis, above which the end of a lamp's table is told; up to where a table may end dark.
 _BRIGHT_END, _ALL_ROUND = 0.01, math.radians(89.0)
 
@@ -115,13 +101,11 @@ def as_text(scene: Scene) -> str:
 
 def _unused(scene: Scene) -> list[str]:
     """What the scene says, and a choice beside it leaves without effect, with that choice."""
-    return [
-        f"{part}.{name} ({choice} is {chosen if isinstance(chosen, str) else 'peaks'})"
-        for part, names in _ONLY_FOR.items()
-        for name, (choice, uses) in names.items()
-        if (model := getattr(scene, part)) is not None and name in model.model_fields_set
-        if (chosen := getattr(model, choice)) not in uses and getattr(model, name) is not None
-    ]
+    told = []
+    for path, choice in without_effect(scene).items():
+        chosen = scene.get(f"{path.partition('.')[0]}.{choice}")
+        told.append(f"{path} ({choice} is {chosen if isinstance(chosen, str) else 'peaks'})")
+    return told
 
 
 def _left_at_end(scene: Scene) -> float:

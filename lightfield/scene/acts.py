@@ -14,6 +14,7 @@ class Acts(Flag):
     POWER = auto()  #: spectral power of the lamp, and the response to it: all light alike
     TIME = auto()  #: lamp power over its value at time zero
     BEAM = auto()  #: radiant intensity over directions, as planes at some distance see it
+    SECTION = auto()  #: how much wider the beam is in some directions about its axis than its profile says
     SOURCE = auto()  #: from where light starts
     AIR = auto()  #: light at readings in air, and at no other
     STRAIGHT = auto()  #: light that comes straight from the lamp, and no other

@@ -6,19 +6,17 @@ from collections.abc import Iterable
 from functools import cache
 from typing import Any
 
-from pydantic import BaseModel
-
 from lightfield.scene.acts import Acts
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import OWN_FIELD
 from lightfield.scene.own.own_effect import OwnEffect
-from lightfield.scene.parameters import acts_of, fields_on, neutral_of, switched_off
+from lightfield.scene.parameters import Part, acts_of, fields_on, neutral_of, switched_off
 from lightfield.scene.scene import Scene
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.water import Water
 
-PARTS: dict[str, type[BaseModel]] = {"lamp": Lamp, "water": Water, "tank": Tank, "detector": Detector}
+PARTS: dict[str, type[Part]] = {"lamp": Lamp, "water": Water, "tank": Tank, "detector": Detector}
 
 
 @cache
@@ -62,10 +60,41 @@ def neutral(scene: Scene, what: Acts) -> bool:
     return all(part is None or switched_off(part, what) for part in parts)
 
 
-def neutral_values(*paths: str) -> dict[str, Any]:
-    """The values at which fields do nothing, by dotted path."""
-    named = (path.split(".") for path in paths)
-    return {f"{part}.{name}": neutral_of(PARTS[part])[name] for part, name in named}
+def neutral_values(what: Acts) -> dict[str, Any]:
+    """Values that switch off what acts on any of these stages, by dotted path; of fields that have one."""
+    return {
+        f"{part}.{name}": value
+        for part, model in PARTS.items()
+        for name, value in neutral_of(model).items()
+        if acts_of(model, name) & what
+    }
+
+
+@cache
+def chosen_by(model: type[Part]) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Fields that count beside some choices alone: the field that holds the choice, and these choices."""
+    found: dict[str, tuple[str, tuple[str, ...]]] = {
+        n: (use, ("table",)) for n, use in model.tables_of.items()
+    }
+    for name, field in model.model_fields.items():
+        extra = field.json_schema_extra
+        if isinstance(extra, dict) and isinstance(choices := extra.get("only_for"), list):
+            use, *allowed = map(str, choices)
+            found[name] = use, tuple(allowed)
+    return {name: found[name] for name in model.model_fields if name in found}
+
+
+def without_effect(scene: Scene) -> dict[str, str]:
+    """What a scene states and a choice beside it leaves without effect, and that choice; by dotted path."""
+    parts = ((name, model, getattr(scene, name)) for name, model in PARTS.items())
+    return {
+        f"{part}.{name}": choice
+        for part, model, said in parts
+        if said is not None
+        for name, (choice, uses) in chosen_by(model).items()
+        if name in said.model_fields_set and getattr(said, choice) not in uses
+        if getattr(said, name) is not None
+    }
 
 
 def _reset(scene: Scene, names: dict[str, tuple[str, ...]]) -> Scene:

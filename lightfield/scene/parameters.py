@@ -98,6 +98,7 @@ def number(
     below: float | None = None,
     neutral: float | None = None,
     later: bool = False,
+    only_for: tuple[str, ...] = (),
 ) -> Any:
     """Declare a number.
 
@@ -119,8 +120,10 @@ def number(
         Value that switches the effect off.
     later : bool
         The first scenes did not have it, and were what they are with it at its default: see `drop_later`.
+    only_for : tuple of str
+        The field that holds a choice, and those choices beside which alone the number counts.
     """
-    extra = _extra(acts_on, unit, neutral, later)
+    extra = _extra(acts_on, unit, neutral, later, only_for)
     return Field(
         default,
         description=meaning,
@@ -146,9 +149,11 @@ def declare(
     return Field(default, description=meaning, json_schema_extra=_extra(acts_on, unit, neutral, later))
 
 
-def _extra(acts_on: Acts, unit: str | None, neutral: Any, later: bool) -> dict[str, Any]:
+def _extra(
+    acts_on: Acts, unit: str | None, neutral: Any, later: bool, only_for: tuple[str, ...] = ()
+) -> dict[str, Any]:
     """What is kept with a field beside its type and range, as a JSON Schema shows it."""
-    given = {"unit": unit, "neutral": neutral, "later": later or None}
+    given = {"unit": unit, "neutral": neutral, "later": later or None, "only_for": [*only_for] or None}
     names = [str(stage.name).lower() for stage in Acts if stage in acts_on]
     return {**{key: value for key, value in given.items() if value is not None}, "acts_on": names}
 

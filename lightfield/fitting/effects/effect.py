@@ -163,7 +163,7 @@ class Effect:
     def of_direction(self) -> bool:
         """It acts by the direction of direct light alone, at the lamp or at the receiver."""
         acts = [acts_on(path) for path in self.paths]  # nothing of a formula of the user's own
-        return all(one and not one & ~(Acts.BEAM | Acts.RECEIVER) for one in acts)
+        return all(one and not one & ~(Acts.BEAM | Acts.SECTION | Acts.RECEIVER) for one in acts)
 
     def combines_with(self, other: Effect) -> bool:
         """Can both be in one explanation? See `TOGETHER`."""

@@ -14,14 +14,12 @@ from lightfield.formula.scattered.scattered_field import ScatteredField, describ
 from lightfield.render.diffuse.diffuse_response import REFLECTED, SCATTERED, DiffuseResponse
 from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import neutral_values
 from lightfield.scene.water.water import Water
 
 #: What only a response follows, switched off: there the light without photons begins.
-_PLAIN = neutral_values(
-    "lamp.ellipticity", "lamp.asymmetry_x", "lamp.asymmetry_y",
-    "detector.acceptance_hwhm_deg", "detector.cosine_error", "detector.tilt_x_deg",
-)  # fmt: skip
+_PLAIN = neutral_values(Acts.SECTION | Acts.RECEIVER)
 
 
 def field_at(places: tuple[Array, Array, Array]) -> ScatteredField:

@@ -27,7 +27,8 @@ from lightfield.render.reflected.orders import DARKEST
 from lightfield.render.reflected.room import C_STEP
 from lightfield.render.response.open_ended import Lengths
 from lightfield.scene import Scene
-from lightfield.scene.water.ageing import ages
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import switched_off
 from lightfield.scene.water.layers import layers_depth
 
 #: Light from walls is told at so many albedos, Chebyshev's nodes: a polynomial between them is exact to 1e-4
@@ -127,7 +128,8 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
         The scene has light that more than water and walls decide, or its water was traced twice.
     """
     water = scene.water
-    if ages(water) or water.hardening_per_m or scene.lamp.apparent_distance_m or response.denser is not None:
+    changes = not switched_off(water, Acts.AGEING | Acts.HARDENING)
+    if changes or scene.lamp.apparent_distance_m or response.denser is not None:
         raise RenderError(
             "this light is not to be had as plain arrays",
             found="water that changes in time or within the band, an apparent source, or two traces",

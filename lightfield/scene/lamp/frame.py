@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.scene.acts import Acts
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import beam_table
+from lightfield.scene.parameters import switched_off
 
 Direction = tuple[float, float, float]
 
@@ -33,7 +35,7 @@ def has_round_section(lamp: Lamp) -> bool:
 
 def is_even(lamp: Lamp) -> bool:
     """Is the beam as wide in every direction from its axis as its profile says?"""
-    return lamp.ellipticity == 1 and not is_lopsided(lamp)
+    return switched_off(lamp, Acts.SECTION)
 
 
 def is_lopsided(lamp: Lamp) -> bool:

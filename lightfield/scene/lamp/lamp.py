@@ -21,6 +21,9 @@ SpectrumName = Literal[
     "led-deep-red", "led-white", "led-warm-white",
 ]  # fmt: skip
 Several = Annotated[tuple[Peak, ...], Field(min_length=1)]
+SECTION = Acts.BEAM | Acts.SECTION
+#: The family of which each profile is the plain Gaussian with more of its parameters.
+GAUSSIAN = ("profile", "gaussian", "super-gaussian", "two-component")
 
 
 class Lamp(Part):
@@ -32,28 +35,31 @@ class Lamp(Part):
         "gaussian", "angular shape of the beam", Acts.BEAM
     )
     hwhm_deg: float = number(
-        3.81, "deg", "half width of the beam at half maximum", Acts.BEAM, low=0.05, high=90.0
-    )
+        3.81, "deg", "half width of the beam at half maximum",
+        Acts.BEAM, low=0.05, high=90.0, only_for=GAUSSIAN,
+    )  # fmt: skip
     shape_exponent: float = number(
-        2.0, "1", "m of exp(-ln2 (theta/hwhm)^m)", Acts.BEAM, low=0.2, high=50.0, neutral=2.0
-    )
+        2.0, "1", "m of exp(-ln2 (theta/hwhm)^m)",
+        Acts.BEAM, low=0.2, high=50.0, neutral=2.0, only_for=GAUSSIAN,
+    )  # fmt: skip
     skirt_fraction: float = number(
         0.0, "1", "on-axis intensity of the skirt over that of the core",
-        Acts.BEAM, low=0.0, high=10.0, neutral=0.0,
+        Acts.BEAM, low=0.0, high=10.0, neutral=0.0, only_for=GAUSSIAN,
     )  # fmt: skip
     skirt_hwhm_deg: float = number(
-        15.0, "deg", "half width of the skirt at half maximum", Acts.BEAM, low=0.05, high=90.0
-    )
+        15.0, "deg", "half width of the skirt at half maximum",
+        Acts.BEAM, low=0.05, high=90.0, only_for=GAUSSIAN,
+    )  # fmt: skip
     ellipticity: float = number(
-        1.0, "1", "hwhm in y over hwhm in x", Acts.BEAM, low=0.05, high=20.0, neutral=1.0
+        1.0, "1", "hwhm in y over hwhm in x", SECTION, low=0.05, high=20.0, neutral=1.0
     )
     asymmetry_x: float = number(
         0.0, "1", "the beam is wider by this part towards +x, and narrower towards -x",
-        Acts.BEAM, low=-0.6, high=0.6, neutral=0.0, later=True,
+        SECTION, low=-0.6, high=0.6, neutral=0.0, later=True,
     )  # fmt: skip
     asymmetry_y: float = number(
         0.0, "1", "the beam is wider by this part towards +y, and narrower towards -y",
-        Acts.BEAM, low=-0.6, high=0.6, neutral=0.0, later=True,
+        SECTION, low=-0.6, high=0.6, neutral=0.0, later=True,
     )  # fmt: skip
     offset_x_m: float = number(0.0, "m", "lamp centre in x", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
     offset_y_m: float = number(0.0, "m", "lamp centre in y", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
@@ -96,8 +102,9 @@ class Lamp(Part):
         "planck", "spectral shape: a name, a peak { peak_nm, fwhm_nm }, or a list of them", Acts.POWER
     )
     temperature_k: float = number(
-        2900.0, "K", "temperature of the Planck spectrum", Acts.POWER, low=500.0, high=20000.0
-    )
+        2900.0, "K", "temperature of the Planck spectrum",
+        Acts.POWER, low=500.0, high=20000.0, only_for=("spectrum", "planck"),
+    )  # fmt: skip
     intensity_table: TablePath | None = declare(
         None,
         "for profile table: CSV (angle_deg, intensity; phi_deg), IES LM-63 (.ies) or EULUMDAT (.ldt)",

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
+from lightfield.scene.acts import Acts
+from lightfield.scene.parameters import switched_off
 from lightfield.scene.water.water import Water
 
 _SECONDS = 3600.0
@@ -13,7 +15,7 @@ _SECONDS = 3600.0
 
 def ages(water: Water) -> bool:
     """Does the water change in time?"""
-    return bool(water.drift_per_m_per_hour or water.settling_per_m)
+    return not switched_off(water, Acts.AGEING)
 
 
 def growth_per_m(water: Water, time_s: ArrayLike) -> Array:

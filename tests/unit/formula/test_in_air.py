@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from perturbed import changed
 
 from lightfield.errors import SceneError
 from lightfield.formula.closed_form import direct_field
 from lightfield.formula.in_air import in_air
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import neutral_values, paths_on
 
 TURBID = {
     "tank": {"width_m": 3.0, "length_m": 9.0, "depth_m": 2.0, "surface": "flat", "wall_albedo": 0.1},
@@ -31,6 +34,22 @@ def test_its_light_is_that_of_readings_in_air(index: float) -> None:
     dry = direct_field(in_air(wet), x, 0 * x, z)
     assert dry == pytest.approx(index**2 * read, rel=1e-12)
     assert (dry > 1.5 * in_water).all()
+
+
+@pytest.mark.parametrize("path", [p for p in paths_on(Acts.BEAM) if p in neutral_values(Acts.BEAM)])
+def test_every_field_of_the_beam_is_as_wide_in_air_or_is_refused(path: str) -> None:
+    """The same light as of readings in air, beside the axis: what no width makes wider is not known there."""
+    skirt = {"profile": "two-component", "skirt_fraction": 0.1}
+    wet = changed(scene(window_index=1.34, **skirt), path)
+    at = np.array([0.0, 0.1, 0.3, -0.2]), np.array([0.0, 0.2, -0.1, 0.0]), np.array([2.0, 2.0, 2.0, 4.0])
+    try:
+        dry = direct_field(in_air(wet), *at)
+    except SceneError as error:
+        assert error.where == "lamp.window_index"
+        assert path in ("lamp.apparent_distance_m", "lamp.profile_departure")
+        return
+    read = direct_field(wet, *at, medium=np.repeat("air", 4))
+    assert dry == pytest.approx(1.34**2 * read, rel=1e-12)
 
 
 def test_nothing_of_the_water_is_left() -> None:

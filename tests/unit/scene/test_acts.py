@@ -24,8 +24,18 @@ from lightfield.render.response.response import Reference
 from lightfield.render.response.response_cache import digest_of
 from lightfield.scene import Lamp, Scene, Tank
 from lightfield.scene.acts import DIFFUSE, TRACED, Acts
-from lightfield.scene.all_parameters import PARTS, acts_on, neutral, only, paths_on, without
+from lightfield.scene.all_parameters import (
+    PARTS,
+    acts_on,
+    chosen_by,
+    neutral,
+    only,
+    paths_on,
+    without,
+    without_effect,
+)
 from lightfield.scene.bands import middles_nm
+from lightfield.scene.lamp.profile import effective_angles
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
 from lightfield.scene.water.ageing import growth_per_m
@@ -34,6 +44,7 @@ from lightfield.scene.water.layers import is_layered
 from lightfield.scene.water.phase.of_scene import phase_function
 
 X, Y, Z = np.meshgrid([-0.6, 0.1, 0.9], [-0.4, 0.2], [2.0, 6.6])
+TURNS = np.radians([0.0, 50.0, 90.0, 200.0, 300.0])
 WAVELENGTHS = np.array([450.0, 520.0, 650.0])
 
 
@@ -104,6 +115,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.POWER: lambda s: [spectral_power(s.lamp, WAVELENGTHS), s.detector.spectral_response.at(WAVELENGTHS)],
     Acts.TIME: lambda s: time_factor(s, np.array([0.0, 300.0, 3000.0])),
     Acts.BEAM: _beam,
+    Acts.SECTION: lambda s: effective_angles(s.lamp, np.cos(TURNS), np.sin(TURNS)),
     Acts.SOURCE: _source,
     Acts.AIR: _air,
     Acts.ABSORPTION: lambda s: absorption_per_m(s.water, WAVELENGTHS),
@@ -159,6 +171,30 @@ def test_what_is_derived_from_that_holds_for_every_field(path: str, bases: list[
         assert (BEAM(other.lamp) == BEAM(scene.lamp)) == (other == scene or not kinds & Acts.BEAM)
         assert without(other, kinds) == without(scene, kinds)
         assert only(other, ~kinds & ~Acts(0)).get(path) == only(scene, ~kinds).get(path)
+
+
+#: Choices beside which other fields count or do not.
+CHOICES = {
+    "profile": ("gaussian", "super-gaussian", "two-component", "table", "isotropic"),
+    "spectrum": ("planck", "cie-a", "table", "led-blue"),
+    "base": ("none", "pure", "table"),
+    "response": ("silicon", "table"),
+}
+
+
+@pytest.mark.parametrize(
+    ("part", "name"), [(part, name) for part, model in PARTS.items() for name in chosen_by(model)]
+)
+def test_a_field_counts_beside_the_choices_that_it_says(part: str, name: str, bases: list[Scene]) -> None:
+    """And is told as stated without effect beside all others."""
+    choice, uses = chosen_by(PARTS[part])[name]
+    path, tables = f"{part}.{name}", bases[1]
+    for one in CHOICES[choice]:
+        scene = tables.with_values({f"{part}.{choice}": one, path: tables.get(path)}, validate=False)
+        other = changed(scene, path)
+        seen = [observed for stage, observed in OBSERVED.items() if stage & acts_on(path)]
+        assert any(differ(f(scene), f(other)) for f in seen) == (one in uses), one
+        assert (without_effect(scene).get(path) == choice) == (one not in uses), one
 
 
 @pytest.mark.parametrize("path", paths_on(Acts.READOUT))

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from perturbed import changed
 
-from lightfield.explorer.saved.moving_light import moving_light
+from lightfield.explorer.saved.moving_light import moving_light, why_fixed
 from lightfield.explorer.saved.packed_arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
+from lightfield.formula.readout import Halves, Taken, readout
 from lightfield.readings import Readings
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import paths_on
 
 ABSORPTION = "water.absorption_per_m"
+DRY = SimpleNamespace(layout=SimpleNamespace(air=np.zeros(1, bool)))
+TAKEN = Taken(
+    spectrum=np.zeros(3, int),
+    wavelength_nm=np.array([450.0, 500.0, 900.0]),
+    time_s=np.array([0.0, 900.0, 1800.0]),
+    halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
+    z_m=np.array([4.5, 5.5, 6.5]),
+)
 
 
 @pytest.mark.parametrize("apparent_m", [0.0, 2.0, -0.5])
@@ -28,3 +42,21 @@ def test_more_absorption_acts_on_the_way_in_water_alone(apparent_m: float) -> No
     _, at, shape, _ = found["way"]
     way = np.frombuffer(bytes(arrays.bytes), "<f4", *shape, at)
     assert way == pytest.approx(z * np.hypot(1.0, x / (z + apparent_m)), rel=1e-6)
+
+
+@pytest.mark.parametrize("path", paths_on(Acts.READOUT))
+def test_a_page_moves_a_readout_that_it_can_compute_and_says_of_others_why_it_does_not(path: str) -> None:
+    """It adds what the background moves by, and takes light in proportion: else it is told, or refused."""
+    scene = changed(Scene.from_dict({"detector": {"background": 0.3}}), path)
+
+    def read(light: np.ndarray, moved: float = 0.0) -> np.ndarray:
+        at = {"detector.background": scene.detector.background + moved}
+        return readout(scene.with_values(at), light, 1.0, TAKEN)
+
+    light = np.array([0.1, 0.5, 1.0])
+    offset, slope = read(0 * light), read(np.ones(3)) - read(0 * light)
+    in_proportion = read(light) == pytest.approx(slope * light + offset, rel=1e-9)
+    added = read(light, 0.2) == pytest.approx(read(light) + 0.2, rel=1e-9)
+    mixes = path in ("detector.stray_light", "detector.second_order")  # `moving_light` sees it, and refuses
+    assert (in_proportion and added) or mixes or why_fixed(DRY, scene) is not None  # type: ignore[arg-type]
+    assert mixes == (not in_proportion and why_fixed(DRY, scene) is None)  # type: ignore[arg-type]
