@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lightfield.arrays import Array
-from lightfield.scene.lamp.frame import beyond_window
+from lightfield.scene.lamp.frame import beyond_window, from_source
 from lightfield.scene.water.ageing import ages, growth_per_m
 from lightfield.scene.water.coefficients import absorption_per_m, is_grey, scattering_per_m
 from lightfield.scene.water.hardening import hardening_depth
@@ -45,7 +45,7 @@ class Ray:
 
 
 def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
-    """Rays from (offset_x, offset_y, -apparent_distance) to points.
+    """Rays from where the light seems to come from, `source_point`, to points.
 
     Parameters
     ----------
@@ -54,10 +54,10 @@ def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
     x_m, y_m, z_m : array, m
         Points.
     """
-    dx, dy, z0 = x_m - lamp.offset_x_m, y_m - lamp.offset_y_m, lamp.apparent_distance_m
-    dz = z_m + z0
+    dx, dy, dz = from_source(lamp, x_m, y_m, z_m)
     r = np.sqrt(dx * dx + dy * dy + dz * dz)
-    water = beyond_window(r, z_m, z0) if z0 else r
+    behind = lamp.apparent_distance_m
+    water = beyond_window(r, z_m, behind) if behind else r
     return Ray(dx, dy, dz, r, water, y_m - 0.5 * dy * (water / r))
 
 

@@ -32,7 +32,15 @@ from lightfield.formula.scattered.single import (
 )
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
-from lightfield.scene.lamp.frame import Direction, beam_axes, beyond_window, has_round_section, is_tilted
+from lightfield.scene.lamp.frame import (
+    Direction,
+    Point,
+    beam_axes,
+    beyond_window,
+    has_round_section,
+    is_tilted,
+    source_point,
+)
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.width import half_width_rad
 from lightfield.scene.receiver import is_cosine
@@ -218,10 +226,7 @@ class ScatteredField:
         As `coefficients_in` gives them for the scene's `molecular_share`.
         """
         lamp, water = scene.lamp, scene.water
-        behind_m = lamp.apparent_distance_m
-        seen = self._seen(
-            lamp.offset_x_m, lamp.offset_y_m, behind_m, beam_axes(lamp)[2] if is_tilted(lamp) else None
-        )
+        seen = self._seen(source_point(lamp), beam_axes(lamp)[2] if is_tilted(lamp) else None)
         scatters = np.maximum(b, _CLEAREST_PER_M)
         phase = with_molecules(water.phase, molecular_share(scene))
         table = self._tables.light(lamp, phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
@@ -233,11 +238,9 @@ class ScatteredField:
             light *= np.exp(-np.multiply.outer(seen.path, changes)) @ shares
         return np.asarray(light * np.exp(-layers_depth(water, self.z_m, seen.path, seen.height)))
 
-    def _seen_from(
-        self, offset_x_m: float, offset_y_m: float, behind_m: float, axis: Direction | None
-    ) -> _Seen:
-        """The places as a lamp sees them; `axis` of a tilted one."""
-        dx, dy, dz = self.x_m - offset_x_m, self.y_m - offset_y_m, self.z_m + behind_m
+    def _seen_from(self, source: Point, axis: Direction | None) -> _Seen:
+        """The places as a lamp sees them whose light comes from there; `axis` of a tilted one."""
+        dx, dy, dz = self.x_m - source[0], self.y_m - source[1], self.z_m - source[2]
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         along, turned = dz, np.ones_like(dz)
         if axis is not None:
@@ -248,13 +251,13 @@ class ScatteredField:
         tangent = np.sqrt(np.maximum(length**2 - along**2, 0.0)) / along
         most = max(self._tables.most, 1.02 * float(tangent.max()))
         # Beyond what the nodes span, which a large tilt may reach, as at its end.
-        far = np.clip(along - behind_m, *self._tables.span_m)
+        far = np.clip(along + source[2], *self._tables.span_m)
         near = np.log(far)[:, None] - self._tables.log_z
         by_z = self._tables.signs / np.where(near == 0, _AT_NODE, near)
         by_z /= by_z.sum(axis=1, keepdims=True)
         table_path = far * np.sqrt(1 + tangent**2)
         by_angle = _spline(_angles(most))(tangent)
-        path = beyond_window(length, self.z_m, behind_m)
+        path = beyond_window(length, self.z_m, -source[2])
         height = self.y_m - 0.5 * dy * (path / length)
         return _Seen(most, by_z, by_angle, table_path, turned / length**2, path, height)
 

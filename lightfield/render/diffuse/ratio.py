@@ -24,7 +24,7 @@ from lightfield.render.response.response import Reference
 from lightfield.render.settings import BY_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
-from lightfield.scene.lamp.frame import axis_at, beam_axes
+from lightfield.scene.lamp.frame import axis_at, beam_axes, from_source
 from lightfield.scene.lamp.width import half_width_rad
 from lightfield.scene.tank import walls_m
 from lightfield.scene.water.coefficients import coefficients_in
@@ -169,8 +169,7 @@ def _around(scene: Scene, places: tuple[Array, Array, Array]) -> tuple[Array, Ar
     """Distance along the beam from the apparent source, tangent of the angle to it, and its two parts."""
     lamp = scene.lamp
     right, up, forward = beam_axes(lamp)
-    d = places[0] - lamp.offset_x_m, places[1] - lamp.offset_y_m, places[2] + lamp.apparent_distance_m
-    along, aside, above = np.array([right, up, forward])[[2, 0, 1]] @ np.stack(d)
+    along, aside, above = np.array([right, up, forward])[[2, 0, 1]] @ np.stack(from_source(lamp, *places))
     return along, np.hypot(aside, above) / along, aside / along, above / along
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.render.reflected.patches import Patches
 from lightfield.scene import Lamp
-from lightfield.scene.lamp.frame import beam_angles, beyond_window, is_mirrored, is_round
+from lightfield.scene.lamp.frame import beam_angles, beyond_window, is_mirrored, is_round, source_point
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.tank import WATER_INDEX
 
@@ -37,9 +37,8 @@ class Ways(NamedTuple):
 
     @classmethod
     def of(cls, lamp: Lamp, patches: Patches) -> Ways:
-        source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
         ahead = before_lamp(lamp, patches.centre[:, 2])
-        way = patches.centre[ahead] - source
+        way = patches.centre[ahead] - source_point(lamp)
         r = np.sqrt(np.einsum("ki,ki->k", way, way))
         direction = way / r[:, None]
         facing = np.maximum(-np.einsum("ki,ki->k", direction, patches.normal[ahead]), 0) / r**2
@@ -109,7 +108,8 @@ def _by_surface(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Ways by the surface y = top: to which places there is one, the direction of arrival at each, what the
     surface reflects over the square of the way to those, and the way in water to each, 0 without one."""
-    image = np.array([lamp.offset_x_m, 2 * top_m - lamp.offset_y_m, -lamp.apparent_distance_m])
+    x, y, z = source_point(lamp)
+    image = np.array([x, 2 * top_m - y, z])
     way = places - image
     r = np.linalg.norm(way, axis=1)
     arriving = way / r[:, None]

@@ -23,7 +23,7 @@ from scipy.special import erf
 
 from lightfield.render.reflected.from_lamp import before_lamp, fresnel, in_water_m
 from lightfield.scene import Lamp, Tank
-from lightfield.scene.lamp.frame import beam_angles
+from lightfield.scene.lamp.frame import beam_angles, source_point
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.lamp.width import core_width_deg
 
@@ -76,7 +76,7 @@ def glitter(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
 
 
 def _glitter(lamp: Lamp, tank: Tank, places: np.ndarray, slopes: np.ndarray, step: float) -> Glitter:
-    source = np.array([lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m])
+    source = np.array(source_point(lamp))
     top = tank.lamp_depth_m
     above_lamp, above = top - source[1], np.maximum(top - places[:, 1], 1e-9)[:, None]
     level = places[:, [0, 2]] - source[[0, 2]]

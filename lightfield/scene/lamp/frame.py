@@ -16,6 +16,8 @@ from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.parameters import switched_off
 
 Direction = tuple[float, float, float]
+#: x, y and z of a place in the tank, m.
+Point = tuple[float, float, float]
 
 
 def is_tilted(lamp: Lamp) -> bool:
@@ -52,6 +54,20 @@ def is_mirrored(lamp: Lamp) -> tuple[bool, bool]:
     """Is the section of the beam the same at -x, and at -y?"""
     in_x, in_y = beam_table(str(lamp.intensity_table)).mirrored if lamp.profile == "table" else (True, True)
     return in_x and not lamp.asymmetry_x, in_y and not lamp.asymmetry_y
+
+
+def source_point(lamp: Lamp) -> Point:
+    """Where the light seems to come from, m: the middle of the window, or so far behind it along the tank.
+
+    The tracer's own is `render.tracer.emission.Emission.on_window`.
+    """
+    return lamp.offset_x_m, lamp.offset_y_m, -lamp.apparent_distance_m
+
+
+def from_source(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> tuple[Array, Array, Array]:
+    """The way from there to points, along the axes of the tank, m."""
+    x, y, z = source_point(lamp)
+    return x_m - x, y_m - y, z_m - z
 
 
 def is_ahead(lamp: Lamp, z_m: Array) -> NDArray[np.bool_]:
@@ -108,8 +124,8 @@ def axis_at(lamp: Lamp, z_m: Array) -> tuple[Array, Array]:
     It begins where the light seems to come from, see `formula.path.rays`.
     """
     ux, uy, uz = beam_axes(lamp)[2]
-    way = z_m + lamp.apparent_distance_m
-    return lamp.offset_x_m + ux / uz * way, lamp.offset_y_m + uy / uz * way
+    x, y, z = source_point(lamp)
+    return x + ux / uz * (z_m - z), y + uy / uz * (z_m - z)
 
 
 def beam_angles(lamp: Lamp, x: Array, y: Array, z: Array) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ from lightfield.render.xml import mitsuba_dict
 from lightfield.scene import Detector, Lamp, Scene, Tank, Water
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import acts_on
-from lightfield.scene.lamp.frame import beam_angles, beam_axes
+from lightfield.scene.lamp.frame import beam_angles, beam_axes, source_point
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.receiver import RECEIVER, response
 from lightfield.scene.tank import WATER_INDEX
@@ -68,6 +68,18 @@ def test_frame_of_the_beam(tilt: tuple[float, float]) -> None:
     np.testing.assert_allclose(np.hypot(*told), np.arccos(np.clip(axis @ d, -1, 1)), atol=1e-7)
     back = np.array(emission.in_tank(mi.Vector3f(*(mi.Float(c) for c in axes @ d))))
     np.testing.assert_allclose(back, d, atol=SINGLE)
+
+
+@pytest.mark.parametrize("radius_m", [0.0, 0.05])
+def test_light_comes_from_one_point_or_from_a_disc_about_it(radius_m: float) -> None:
+    """Beside the middle of the tank, and as far behind the window as the lamp says."""
+    lamp = Lamp(offset_x_m=0.2, offset_y_m=-0.1, apparent_distance_m=0.3, radius_m=radius_m)
+    assert source_point(lamp) == (0.2, -0.1, -0.3)
+    u, turn = (mi.Float(v) for v in np.random.default_rng(2).random((2, 100)))
+    traced = np.array(Emission(lamp, cone_rad=0.3).on_window(u, turn))
+    away = np.broadcast_to(traced.reshape(3, -1), (3, 100)) - np.array(source_point(lamp))[:, None]
+    np.testing.assert_allclose(np.hypot(*away[:2]), radius_m * np.sqrt(np.array(u)), atol=SINGLE)
+    np.testing.assert_allclose(away[2], 0.0, atol=SINGLE)
 
 
 #: All of them but the pencil, whose light has no width.
