@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -70,6 +69,7 @@ class Session:
     experiment: Experiment = field(init=False)
     fits: Fits = field(init=False)
     evaluator: Evaluator = field(init=False)
+    _source: DiffuseSource | None = None
     _before: State | None = None
     _dragged: State = field(default_factory=lambda: State((), {}))
 
@@ -79,7 +79,8 @@ class Session:
         given, beside = self.diffuse, Keeper(elsewhere=self._elsewhere)
         if given == "trace":
             given = partial(response_for, keeper=beside)
-        self._source = remembered(None if isinstance(given, str) else given)
+        if self._source is None:  # a session that follows another has the other's
+            self._source = remembered(None if isinstance(given, str) else given)
 
     def _elsewhere(self, work: Callable[..., None]) -> None:
         elsewhere(self.say)(work)
@@ -106,14 +107,13 @@ class Session:
 
     def _anew(self, history: History | None = None, **given: object) -> Session:
         """This session with another scene, readings or traces, begun aside: nothing has changed here."""
-        other = copy(self)
-        vars(other).update(given)
+        other = replace(self, **given)  # type: ignore[arg-type]  # values of fields
         other.begin(history)
         return other
 
     def _become(self, other: Session) -> None:
         """At once and whole: nobody meets the scene of one and the model of the other."""
-        vars(self).update(vars(other))
+        vars(self).update(vars(other))  # in one step, which a field after the other would not be
 
     def trace_at(self, dense_per_m: float) -> None:
         """Make the model again, with a trace in water that scatters so much too.

@@ -267,7 +267,6 @@ def may(name: str, place: str) -> bool:
 #: Functions below the api that take more than eight things: options that each stand for themselves.
 LONG = {
     "scene/parameters.py number",  # declares a parameter, one thing a line
-    "render/tracer/histories.py __init__",  # how fine a tally is
     "render/maps.py render_scene",  # documented, called with two or three of them
     "render/diffuse/source.py response_for",  # likewise
     "studies/band/study.py best_band",  # likewise

@@ -7,7 +7,7 @@ middle: the other half is its mirror image, with components turned.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import EllipsisType
 
@@ -38,15 +38,22 @@ class HistorySplines:
         Its cells, as many on either side of the lamp.
     response : TransportResponse
         Flux vector, cell by cell.
+    without : (HistorySplines, int), optional
+        Those of all independent batches of the trace, and which of these is left out here.
     """
 
     scene: Scene
     grid: Grid
     response: TransportResponse
+    without: tuple[HistorySplines, int] | None = field(default=None, compare=False, repr=False)
 
     @cached_property
     def whole(self) -> TransportResponse:
         """Coefficients stand for a tally, and the four components for its batches."""
+        if self.without is not None:
+            every, left_out = self.without
+            n, one = every.parts.shape[1], every.parts[:, left_out]
+            return replace(every.whole, tally=(n * every.whole.tally - one) / (n - 1))
         mean = self._coefficients(self.response.tally.mean(axis=0)[None])[:, 0]
         straight = self.response.straight_m.reshape(len(COMPONENTS), *self.grid.shape)[0]
         return replace(self.response, tally=mean, straight_m=straight[self._window])
@@ -54,7 +61,7 @@ class HistorySplines:
     @cached_property
     def parts(self) -> Array:
         """Coefficients batch by batch, which take as many times as long: (4, n_batches, n_rows, n_cells)."""
-        return self._coefficients(self.response.tally)
+        return self._coefficients(self.response.tally) if self.without is None else self.without[0].parts
 
     def layers(self, z: slice) -> TransportResponse:
         """`whole` of some layers of cells across the beam: a view, made once for the same layers."""
@@ -78,13 +85,7 @@ class HistorySplines:
 
     def leave_one_out(self) -> list[HistorySplines]:
         """Without one of the independent batches of the trace, each in turn."""
-        batches, found = self.parts.swapaxes(0, 1), []
-        for one in batches:
-            rest = (len(batches) * self.whole.tally - one) / (len(batches) - 1)
-            other = replace(self)
-            other.__dict__.update(parts=self.parts, whole=replace(self.whole, tally=rest))
-            found.append(other)
-        return found
+        return [replace(self, without=(self, one)) for one in range(self.parts.shape[1])]
 
     def cells(self, place_m: Array) -> Array:
         """Places, or their mirror images, in cells along (z, y, x), shape (n, 3)."""

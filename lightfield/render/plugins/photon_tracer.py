@@ -12,7 +12,7 @@ from lightfield.render.plugins.lamp import LightfieldLamp
 from lightfield.render.response.grid import Grid
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.flight import TransportProblem
-from lightfield.render.tracer.histories import Histories
+from lightfield.render.tracer.histories import Histories, TallyLayout
 from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import by_plugin
 from lightfield.render.tracer.surfaces import OpenWater, Shapes
@@ -72,7 +72,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
         pitch_x, pitch_y = sensors[0].width_m / len(x), sensors[0].height_m / len(y)
         grid = Grid(np.array([sensors[i].z_m for i in order]), x, y, pitch_x, pitch_y)
         water = _coefficients(medium)
-        histories = Histories(0, path_nodes=2)
+        histories = Histories(TallyLayout(0, path_nodes=2))
         position = (lamp.lamp.offset_x_m, lamp.lamp.offset_y_m, 0.0)
         planes = Planes(grid, sensors[0].receiver, position, lamp.lamp.apparent_distance_m)
         surfaces = Shapes(scene) if scene.shapes() else OpenWater(planes)

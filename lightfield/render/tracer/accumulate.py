@@ -25,6 +25,7 @@ from lightfield.render.response.response import (
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, mirror_images, symmetric
 from lightfield.render.settings import BY_PHOTONS, Settings, batches_of
 from lightfield.render.tracer.build import Setup, assembled
+from lightfield.render.tracer.histories import Histories
 from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
@@ -208,7 +209,7 @@ def trace_by_direction(
     groups = [(first, min(first + at_once, channels)) for first in range(0, channels, at_once)]
     for done, (group, batch) in enumerate(product(groups, range(DIRECTION_BATCHES)), start=1):
         counts, _ = trace(
-            replace(setup, histories=setup.histories.of_channels(*group)),
+            replace(setup, histories=Histories(setup.histories.layout, group)),
             photons // DIRECTION_BATCHES,
             seed * 1009 + batch,
             mirror_x=mirrored,

@@ -18,7 +18,7 @@ from lightfield.render.settings import PATH_NODES
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flight import TransportProblem
-from lightfield.render.tracer.histories import Histories, WallNodes
+from lightfield.render.tracer.histories import Histories, TallyLayout, WallNodes
 from lightfield.render.tracer.planes import FluxPlanes, Planes, open_water_m
 from lightfield.render.tracer.scattering import by_plugin, henyey_greenstein, with_molecules
 from lightfield.render.tracer.surfaces import Box, OpenWater, beckmann
@@ -75,7 +75,7 @@ def histories_of(
     if walls and nodes is not None:
         many = len(grid.centres()[0].ravel()) > MANY_CELLS
         told = WallNodes(FEWER_HITS if many else WALL_HITS, reference.wall_albedo, BRIGHTEST_WALLS)
-    return Histories(
+    layout = TallyLayout(
         scatterings,
         walls,
         surfaces,
@@ -87,6 +87,7 @@ def histories_of(
         clearer_per_m=CLEARER_PER_M if nodes is not None else 0.0,
         nodes=nodes,
     )
+    return Histories(layout)
 
 
 def _longest_excess(scene: Scene, reference: Reference, far_m: float) -> float:

@@ -9,7 +9,6 @@ between both takes twice the writes and tells no more: the variance of a map is 
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 
 import drjit as dr
@@ -48,8 +47,9 @@ class WallNodes:
         return below, np.expm1((m - a) * np.log(q)) / np.expm1((b - a) * np.log(q))
 
 
-class Histories:
-    """Layout of the tally over histories.
+@dataclass(frozen=True)
+class TallyLayout:
+    """Which histories a tally tells apart.
 
     Parameters
     ----------
@@ -68,63 +68,72 @@ class Histories:
     clearer_per_m : float, m^-1
         Few path nodes leave the exponential curved between them. It is right at the reference and in its
         slope there; with a number here, at the reference and in water that attenuates so much less instead.
+    """
+
+    max_scatterings: int
+    max_walls: int = 0
+    max_surfaces: int = 0
+    max_reflections: int = 3
+    max_scatterings_reflected: int = HELD_FROM
+    longest_excess_m: float = 8.0
+    path_nodes: int = 28
+    nodes: AngleNodes | None = None
+    wall_nodes: WallNodes | None = None
+    clearer_per_m: float = 0.0
+
+    @property
+    def classes(self) -> tuple[tuple[int, int, int], tuple[int, ...], int]:
+        """Last class of scatterings, wall hits and surface reflections; hits of each class; and the bound."""
+        hits, bound = tuple(range(self.max_walls + 1)), self.max_reflections
+        if self.wall_nodes is not None:
+            hits, bound = self.wall_nodes.hits, 10**9
+        return (self.max_scatterings, len(hits) - 1, self.max_surfaces), hits, bound
+
+
+class Histories:
+    """A tally over histories. No data class: Dr.Jit would take it apart.
+
+    Parameters
+    ----------
+    layout : TallyLayout
+    held : (int, int), optional
+        The tally is of the channels from the first to before the last of these alone.
 
     Attributes
     ----------
     channels : array, shape (n_channels, 3)
-        n, m, k of every channel.
+        n, m, k of every channel of the tally.
     excess_m : array, shape (path_nodes,), m
     """
 
-    def __init__(
-        self,
-        max_scatterings: int,
-        max_walls: int = 0,
-        max_surfaces: int = 0,
-        max_reflections: int = 3,
-        max_scatterings_reflected: int = HELD_FROM,
-        longest_excess_m: float = 8.0,
-        path_nodes: int = 28,
-        nodes: AngleNodes | None = None,
-        wall_nodes: WallNodes | None = None,
-        clearer_per_m: float = 0.0,
-    ) -> None:
-        hits: tuple[int, ...] = tuple(range(max_walls + 1))
-        if wall_nodes is not None:
-            hits, max_walls, max_reflections = wall_nodes.hits, len(wall_nodes.hits) - 1, 10**9
-        self.wall_nodes = wall_nodes
-        self.max_scatterings, self.max_walls, self.max_surfaces = max_scatterings, max_walls, max_surfaces
-        self.longest_excess_m, self.path_nodes = longest_excess_m, path_nodes
+    def __init__(self, layout: TallyLayout, held: tuple[int, int] | None = None) -> None:
+        self.layout, self.wall_nodes, self.path_nodes = layout, layout.wall_nodes, layout.path_nodes
+        nodes, longest = layout.nodes, layout.longest_excess_m
         self.emission_nodes, self.n_phi = (1, 1) if nodes is None else (nodes.size, nodes.n_phi)
+        most, hits, bound = layout.classes
         # In variables, not literals: another water needs no new kernel.
-        self._most = [dr.opaque(mi.UInt32, most) for most in (max_scatterings, max_walls, max_surfaces)]
+        self._most = [dr.opaque(mi.UInt32, number) for number in most]
         self._last, self._directions = (
-            dr.opaque(mi.UInt32, n) for n in (path_nodes - 1, self.emission_nodes)
+            dr.opaque(mi.UInt32, n) for n in (self.path_nodes - 1, self.emission_nodes)
         )
-        self._longest = dr.opaque(mi.Float, longest_excess_m)
-        self._clearer = dr.opaque(mi.Float, clearer_per_m) if clearer_per_m else None
-        self.excess_m = longest_excess_m * (np.arange(path_nodes) / (path_nodes - 1)) ** 3
+        self._longest = dr.opaque(mi.Float, longest)
+        self._clearer = dr.opaque(mi.Float, layout.clearer_per_m) if layout.clearer_per_m else None
+        self.excess_m = longest * (np.arange(self.path_nodes) / (self.path_nodes - 1)) ** 3
         rows: dict[tuple[int, int, int], int] = {}
         lookup = []
-        for n, m, k in np.ndindex(max_scatterings + 1, max_walls + 1, max_surfaces + 1):
-            m_kept = min(m, max_reflections)
-            k_kept = min(k, max_reflections - m_kept)
-            n_kept = min(n, max_scatterings_reflected) if m or k else n
+        for n, m, k in np.ndindex(*(number + 1 for number in most)):
+            m_kept = min(m, bound)
+            k_kept = min(k, bound - m_kept)
+            n_kept = min(n, layout.max_scatterings_reflected) if m or k else n
             lookup.append(rows.setdefault((n_kept, hits[m_kept], k_kept), len(rows)))
-        self.channels = np.array(list(rows))
         self.lookup = mi.UInt32(lookup)
-        self._first, self._held = (dr.opaque(mi.UInt32, n) for n in (0, len(rows)))
-        if wall_nodes is not None:
-            below, share = wall_nodes.between()
+        first, last = held or (0, len(rows))
+        self.channels = np.array(list(rows))[first:last]
+        self._first, self._held = (dr.opaque(mi.UInt32, n) for n in (first, len(self.channels)))
+        if self.wall_nodes is not None:
+            below, share = self.wall_nodes.between()
             self._most_hits = dr.opaque(mi.UInt32, len(below) - 1)
             self._below, self._share = mi.UInt32(below), mi.Float(share)
-
-    def of_channels(self, first: int, last: int) -> Histories:
-        """The same with a tally of the channels from `first` to before `last` alone."""
-        some = copy(self)
-        some.channels = self.channels[first:last]
-        some._first, some._held = (dr.opaque(mi.UInt32, n) for n in (first, len(some.channels)))
-        return some
 
     def holds(self, channel: mi.UInt32) -> mi.Bool:
         """Has the tally this channel?"""

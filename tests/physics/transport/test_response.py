@@ -130,18 +130,21 @@ def test_grid_of_path_lengths_is_fine_enough() -> None:
     use_backend()
     from lightfield.render.tracer.accumulate import response_from
     from lightfield.render.tracer.build import assembled
-    from lightfield.render.tracer.histories import Histories
+    from lightfield.render.tracer.histories import Histories, TallyLayout
     from lightfield.render.tracer.walk import counted, trace
 
     setup = assembled(SCENE, scene_grid(SCENE), Reference(0.05, 0.2, 0.5))
     coarse = setup.histories
+    told = coarse.layout
     fine = Histories(
-        coarse.max_scatterings,
-        coarse.max_walls,
-        coarse.max_surfaces,
-        max_reflections=2,
-        longest_excess_m=2 * coarse.longest_excess_m,
-        path_nodes=16 * coarse.path_nodes,
+        TallyLayout(
+            told.max_scatterings,
+            told.max_walls,
+            told.max_surfaces,
+            max_reflections=2,
+            longest_excess_m=2 * told.longest_excess_m,
+            path_nodes=16 * told.path_nodes,
+        )
     )
     counts, _ = trace(replace(setup, histories=fine), 200_000, 3)
     by_path = counts.reshape(len(fine.channels), fine.path_nodes, -1)

@@ -19,7 +19,7 @@ from lightfield.render.response.response import Bookkeeping
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flight import TransportProblem
-from lightfield.render.tracer.histories import Histories
+from lightfield.render.tracer.histories import Histories, TallyLayout
 from lightfield.render.tracer.planes import Crossing
 from lightfield.render.tracer.scattering import henyey_greenstein
 from lightfield.render.tracer.surfaces import Box, Shapes, Surfaces
@@ -99,7 +99,7 @@ def trace_slab(
 ) -> Slab:
     """A slab of one mean free path per metre, lit by a pencil beam that starts at z = 0."""
     emission = Emission(Lamp(profile="pencil", tilt_x_deg=incidence_deg), cone_rad=0.1)
-    histories = Histories(1, path_nodes=2, longest_excess_m=1.0)
+    histories = Histories(TallyLayout(1, path_nodes=2, longest_excess_m=1.0))
     problem = TransportProblem(
         surfaces, henyey_greenstein(g), emission, planes, histories, ReferenceWater(1 - omega, omega)
     )
@@ -273,7 +273,8 @@ def test_where_a_pencil_beam_is_absorbed(a: float, b: float, g: float) -> None:
     scene = mi.load_dict(
         {"type": "scene", "water": {"type": "sphere", "radius": 1e4, "flip_normals": True, "bsdf": BLACK}}
     )
-    emission, histories = Emission(Lamp(profile="pencil"), cone_rad=0.1), Histories(0, path_nodes=2)
+    emission = Emission(Lamp(profile="pencil"), cone_rad=0.1)
+    histories = Histories(TallyLayout(0, path_nodes=2))
     surfaces, turn, planes = Shapes(scene), henyey_greenstein(g), AbsorptionMoments(a, b)
     problem = TransportProblem(surfaces, turn, emission, planes, histories, ReferenceWater(a, b))
     samples, each = [], 10_240

@@ -226,11 +226,11 @@ def test_an_error_after_a_job_is_told(quick: Session, monkeypatch) -> None:
     monkeypatch.setattr(hubs, "trace_maps", beside_work.a_trace)
     monkeypatch.setattr(hubs, "missing_trace", lambda forward, values: 1.0)
 
-    def begin(history: object = None) -> None:
+    def begin(anew: Session, history: object = None) -> None:
         raise RenderError("no light")
 
     async def what(hub: Hub, page: Page) -> None:
-        quick.begin = begin
+        monkeypatch.setattr(Session, "begin", begin)
         page.ask("trace")
         await until(lambda: page.errors)
         assert page.errors == ["tracing anew: no light"]
