@@ -6,13 +6,13 @@ the surface between which it is interpolated.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import cached_property, lru_cache
 from math import prod, sqrt
 
 import numpy as np
 
+from lightfield.memory import Latest
 from lightfield.render.reflected.from_lamp import Ways, alike_in_place, alike_on_both_sides, fresnel
 from lightfield.render.reflected.orders import (
     REFLECTIONS,
@@ -52,6 +52,8 @@ KEPT_WATERS, THROUGH_BYTES = 400, 20e6
 #: worked out for a water that was asked for so often, and kept in so many bytes: it costs as much as to
 #: follow ten lamps, five where what patches exchange has to be made anew, and of few reflections one or two.
 LARGER, OFTEN, AT_ONCE_BYTES = 2, 5, 100e6
+#: Waters of which it is remembered how often they were asked for, in two megabytes.
+COUNTED = 10_000
 
 
 class Room:
@@ -92,7 +94,7 @@ class Room:
         )
         self._through = lru_cache(2)(self._through_water)
         self._at_once: dict[tuple[_Exchange, float], AtOnce] = {}
-        self._asked = Counter[tuple[_Exchange, float]]()
+        self._asked = Latest[tuple[_Exchange, float], int](COUNTED)
         self._ways = lru_cache(KEPT_LAMPS)(self._ways_of)
         waters = int(np.clip(THROUGH_BYTES / (4 * len(self.fine.centre)), FEWEST, KEPT_WATERS))
         self._dimmed = lru_cache(waters)(lambda at, mirrored, c: self._ways(at, mirrored).through(c))
@@ -183,20 +185,20 @@ class Room:
     def _exchange(self, of: _Exchange, side: float) -> Operators | AtOnce:
         """What walls and readings exchange: of few readings, when it was often asked for, at once."""
         each = of, side
-        self._asked[each] += 1
-        if each not in self._at_once and self._asked[each] * REFLECTIONS > OFTEN * of[3]:
+        self._asked[each] = asked = self._asked.get(each, 0) + 1
+        if each not in self._at_once and asked * REFLECTIONS > OFTEN * of[3]:
             rows, columns = of[3] * len(self.places), len(self.half.centre)
             size = 4 * rows * columns
-            if rows <= LARGER * columns and self._room_for(size, self._asked[each]):
+            if rows <= LARGER * columns and self._room_for(size, asked):
                 self._at_once[each] = self._operator(*of[:3], side).at_once(of[3])
         return self._at_once.get(each) or self._operator(*of[:3], side)
 
     def _room_for(self, size: int, asked: int) -> bool:
         """Is there room for so many bytes, when what was asked for half as often at most makes it?"""
         kept = sum(known.later.nbytes for known in self._at_once.values())
-        seldom = sorted(self._at_once, key=lambda of: self._asked[of])
+        seldom = sorted(self._at_once, key=lambda of: self._asked.get(of, 0))
         while kept + size > AT_ONCE_BYTES:
-            if not seldom or 2 * self._asked[seldom[0]] >= asked:
+            if not seldom or 2 * self._asked.get(seldom[0], 0) >= asked:
                 return False
             kept -= self._at_once.pop(seldom.pop(0)).later.nbytes
         return True
