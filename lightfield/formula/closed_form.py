@@ -52,6 +52,8 @@ __all__ = [
     "time_factor",
 ]  # fmt: skip
 
+#: The distance that the paper relates its readings to, r0, m.
+PAPER_FROM_M = 4.5
 # Disc quadrature of degree 5 (Stroud 1971, S2: 5-1): a finite window as seven points.
 _TURN = np.arange(6) * (math.pi / 3)
 DISC = [
@@ -322,7 +324,6 @@ def paper_model(
     theta_rad: ArrayLike,
     hwhm_deg: float = 3.81,
     attenuation_per_m: float = 0.1,
-    reference_m: float = 4.5,
 ) -> Array:
     """The paper's combined form, I(r, theta) / I(r0, 0) = (r0/r)^2 exp(-K (r - r0)) exp(-B theta^2).
 
@@ -336,9 +337,7 @@ def paper_model(
         Half width of the beam at half maximum, B = ln2 / hwhm^2.
     attenuation_per_m : float, 1/m
         K.
-    reference_m : float, m
-        r0, 4.5 m in the paper.
     """
     r, theta = np.asarray(r_m, dtype=float), np.asarray(theta_rad, dtype=float)
     beam = np.exp(-LN2 * (theta / math.radians(hwhm_deg)) ** 2)
-    return np.asarray((reference_m / r) ** 2 * np.exp(-attenuation_per_m * (r - reference_m)) * beam)
+    return np.asarray((PAPER_FROM_M / r) ** 2 * np.exp(-attenuation_per_m * (r - PAPER_FROM_M)) * beam)

@@ -77,16 +77,16 @@ def regime_of(store: xr.Dataset) -> xr.Dataset:
     on_axis = store.isel(wavelength_nm=0, z_m=0).transpose(RECEIVER, ALBEDO, ATTENUATION, ...)
     names = (f"on_axis_{quantity}", f"on_axis_{quantity}_stderr", "formula_error_on_axis")
     render, stderr, error = (np.asarray(on_axis[name].values, float) for name in names)
-    return regime_map(render, stderr, error)
+    return regime_map(render, stderr, error, OPTICAL_DEPTHS, ALBEDOS, tuple(RECEIVERS))
 
 
 def regime_map(
     render: Array,
     stderr: Array,
     error: Array,
-    optical_depths: Sequence[float] = OPTICAL_DEPTHS,
-    albedos: Sequence[float] = ALBEDOS,
-    receivers: Sequence[str] = tuple(RECEIVERS),
+    optical_depths: Sequence[float],
+    albedos: Sequence[float],
+    receivers: Sequence[str],
 ) -> xr.Dataset:
     """Relative error of the formula over a grid, known where anything was rendered.
 

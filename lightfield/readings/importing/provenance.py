@@ -98,6 +98,8 @@ def doubts_of_files(
     for what, values in {
         "spectrometer": {s.spectrum.spectrometer or "unknown" for s in shots},
         "smoothing": {f"boxcar {s.spectrum.boxcar}" for s in shots},
+        # The scatter of repeats tells one noise of all: a dark may be a mean of more.
+        "averaging": {f"{n} spectra" for s in sequence if (n := s.spectrum.spectra_averaged) is not None},
         "electric dark correction": {one_word([s.spectrum.electric_dark_corrected]) for s in shots},
     }.items():
         if len(values) > 1:

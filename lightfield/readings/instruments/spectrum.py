@@ -31,7 +31,7 @@ class Spectrum:
     electric_dark_corrected, nonlinearity_corrected : bool, optional
         None when the header does not say.
     calibration : array, shape (n_pixels,), optional
-        Energy per count, in `calibration_unit`.
+        Energy per count, in the unit of the file.
     processed_unit : str
         Unit of "processed", or of "value", where the format fixes it, else "".
     label : str
@@ -62,7 +62,6 @@ class Spectrum:
     electric_dark_corrected: bool | None = None
     nonlinearity_corrected: bool | None = None
     calibration: Array | None = None
-    calibration_unit: str = ""
     processed_unit: str = ""
     label: str = ""
     immersion: Array | None = None

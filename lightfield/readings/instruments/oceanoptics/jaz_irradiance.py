@@ -36,8 +36,8 @@ def read(document: Document) -> Spectrum:
     block = document.block("calibration")
     if block is None or not block.lines:
         return replace(found, processed_unit=unit, notes=(*notes, Oddity(Odd.NO_CALIBRATION)))
-    named = re.fullmatch(r"\[(.*)\]", block.lines[0][1])
-    rows = replace(block, lines=block.lines[1:] if named else block.lines)
+    has_unit = re.fullmatch(r"\[.*\]", block.lines[0][1])
+    rows = replace(block, lines=block.lines[1:] if has_unit else block.lines)
     calibration = block_numbers(rows, 1, problems)[:, 0]
     if len(calibration) != len(found) and not problems:
         problems.add(
@@ -47,10 +47,4 @@ def read(document: Document) -> Spectrum:
             remedy="copy or export it again",
         )
     problems.raise_any(f"not a usable {NAME} file")
-    return replace(
-        found,
-        calibration=calibration,
-        calibration_unit=named[1] if named else "",
-        processed_unit=unit,
-        notes=notes,
-    )
+    return replace(found, calibration=calibration, processed_unit=unit, notes=notes)

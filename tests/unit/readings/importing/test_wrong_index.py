@@ -78,6 +78,21 @@ def test_two_spectrometers_in_one_table_are_refused_unless_calibrated(campaign):
     assert "mixed_settings" in codes(run(campaign, ROWS[:2], units="uW/cm^2/nm"))
 
 
+def test_signals_that_are_means_of_other_numbers_of_spectra_are_told(campaign):
+    """One noise is told of all repeats; a dark may be a mean of more."""
+
+    def averaged(name: str, number: int) -> None:
+        title, rest = (campaign / name).read_text().split("\n", 1)
+        (campaign / name).write_text(f"{title}\nScans to average: {number}\n{rest}")
+
+    averaged("b.txt", 50)
+    averaged("dark_b.txt", 200)
+    assert "mixed_settings" not in codes(run(campaign, ROWS)), "the other file does not say"
+    averaged("a.txt", 5)
+    (told,) = (w for w in run(campaign, ROWS).warnings if w.code == "mixed_settings")
+    assert told.sentence == "the files differ in averaging: 5 spectra, 50 spectra"
+
+
 def test_coordinates_need_their_unit(campaign):
     found = problems(campaign, ["a.txt,4.5"], "file,z")
     assert "name it z_m" in found[0]
