@@ -16,6 +16,7 @@ from lightfield.errors import UsageError
 from lightfield.readings import Readings, read_table
 from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
+from lightfield.scene.tank import walls_m
 
 Order = Literal["random", "plane"]
 LAYOUTS = ("line", "half", "grid", "fine", "column", "air")
@@ -54,11 +55,8 @@ def positions(scene: Scene, kind: str) -> dict[str, Array]:
         listed = dict(zip(("x_m", "y_m", "z_m"), np.array(single, float).T, strict=True))
         return {**listed, "medium": np.repeat("water", len(single))}
     planes: NDArray[Any] = np.array(scene.detector.planes_m)
-    reach, (low, high), end = 0.5 * scene.plane_size_m[0], (-np.inf, np.inf), np.inf
-    across = reach
-    if scene.tank is not None:
-        wall, (low, high), (_, end) = scene.tank.box_m
-        across = reach if reach < max(wall) else _CLEAR * max(wall)  # no receiver is in a wall
+    reach, (wall, (low, high), (_, end)) = 0.5 * scene.plane_size_m[0], walls_m(scene.tank)
+    across = reach if reach < max(wall) else _CLEAR * max(wall)  # no receiver is in a wall
     x: NDArray[Any] = np.linspace(-across, across, 21)
     y: NDArray[Any] = np.zeros(1)
     if kind == "half":

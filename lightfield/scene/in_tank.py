@@ -116,7 +116,7 @@ def check_inside(detector: Detector, tank: Tank) -> None:
     low, high = tank.box_m[1]
     for name, room, ends in (
         ("width_m", tank.width_m, told(tank, "width_m")),
-        ("height_m", 2 * min(high, -low), f"its floor at y = {low:g} m and its top at y = {high:g} m"),
+        ("height_m", 2 * tank.room_m[1], f"its floor at y = {low:g} m and its top at y = {high:g} m"),
     ):
         size = getattr(detector, name)
         if size is not None and size > room + ROUNDING_M:
