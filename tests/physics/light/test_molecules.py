@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scattered_back import backscatter_ratio
 
 from lightfield.formula.closed_form import direct_field
 from lightfield.formula.scattered.scattered_field import ScatteredField
@@ -36,7 +37,7 @@ def test_closed_forms() -> None:
     phase, d = Molecular(), DEPOLARISATION
     assert 1 / phase.pdf(0.0) == pytest.approx(8 * math.pi / 3 * (2 + d) / (1 + d))
     assert 1 / phase.pdf(0.0) == pytest.approx(16.44, abs=0.005)
-    assert phase.backscatter_ratio() == pytest.approx(0.5)
+    assert backscatter_ratio(phase) == pytest.approx(0.5)
     x, w = np.polynomial.legendre.leggauss(8)
     shares = 2 * math.pi * w * phase.pdf(x)
     f = (1 - d) / (1 + d)

@@ -8,6 +8,7 @@ import math
 
 import numpy as np
 import pytest
+from scattered_back import backscatter_ratio
 from scipy.stats import chi2
 
 from lightfield.scene import Lamp
@@ -136,4 +137,4 @@ def test_solid_angle_of_an_oval_beam(beam: dict[str, float]) -> None:
 def test_json_of_a_scene_gives_its_phase() -> None:
     """The tracer gets the phase function as JSON."""
     phase: PhaseFunction = parse_phase('{"type": "fournier-forand", "n": 1.10, "mu": 3.5835}')
-    assert phase.backscatter_ratio() == pytest.approx(0.01831, abs=1e-5)
+    assert backscatter_ratio(phase) == pytest.approx(0.01831, abs=1e-5)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from beams import aside, ies
 from montecarlo import chi_square_p, normal_scores
+from scattered_back import backscatter_ratio
 from scipy import stats
 
 from lightfield.render.tracer.emission import Emission
@@ -106,7 +107,7 @@ def test_phase_plugin(name: str, stock: bool) -> None:
     local = np.array(frame.to_local(turned))
     azimuths = np.histogram(np.arctan2(local[1], local[0]), 36, (-np.pi, np.pi))[0]
     assert 0.001 < stats.chisquare(azimuths).pvalue < 0.999
-    backward = truth.backscatter_ratio()
+    backward = backscatter_ratio(truth)
     observed = (psi > np.pi / 2).mean()
     assert abs(observed - backward) < 3 * np.sqrt(backward * (1 - backward) / SAMPLES)
     cosine = np.cos(psi)

@@ -64,10 +64,6 @@ class PhaseFunction(ABC):
         at = middle[:, None] + half[:, None] * GAUSS_X
         return 1.0 - float(half @ ((np.sin(at) * (1.0 - self.cdf(at))) @ GAUSS_W))
 
-    def backscatter_ratio(self) -> float:
-        """Part scattered by more than 90 degrees."""
-        return 1.0 - float(self.cdf(0.5 * math.pi))
-
     def _inverse(self) -> tuple[Array, Array]:
         psi = angle_grid()
         u = np.asarray(self.cdf(psi))
