@@ -14,7 +14,9 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.verdict_data import VerdictData
 
-LIGHT = WaterAndBeam(absorption_per_m=0.1, scattering_per_m=0.0, attenuation_per_m=0.1, hwhm_deg=4.0)
+LIGHT = WaterAndBeam(
+    wavelength_nm=550.0, absorption_per_m=0.1, scattering_per_m=0.0, attenuation_per_m=0.1, hwhm_deg=4.0
+)
 
 
 def verdict_data(kind: str, *explanations: AcceptedExplanation, **given: Any) -> VerdictData:

@@ -80,8 +80,9 @@ class AcceptedExplanation(Record):
 
 
 class WaterAndBeam(Record):
-    """What a fit says of the water at the first wavelength, and of the beam."""
+    """What a fit says of the water at the shortest wavelength, and of the beam."""
 
+    wavelength_nm: float
     absorption_per_m: float
     scattering_per_m: float
     attenuation_per_m: float = Field(description="K = a + b")

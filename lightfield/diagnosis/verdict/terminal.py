@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
-from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, WaterAndBeam
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
@@ -101,14 +101,16 @@ def _found(found: Sequence[FoundEffect]) -> list[str]:
 
 def _changes(found: Sequence[FoundEffect]) -> list[str]:
     """What water and beam would be without each."""
-    first = found[0].with_it
-    out = [f"with all: a = {first.absorption_per_m:.4g}, b = {first.scattering_per_m:.4g}, "
-           f"K = {first.attenuation_per_m:.4g} 1/m, hwhm = {first.hwhm_deg:.4g} degrees"]  # fmt: skip
+    out = [f"with all: {_water_and_beam(found[0].with_it)}"]
     for one in found:
-        if (less := one.without_it) is not None:
-            out.append(
-                f"without {plain(one.effect)}: a = {less.absorption_per_m:.4g}, "
-                f"b = {less.scattering_per_m:.4g}, K = {less.attenuation_per_m:.4g} 1/m, "
-                f"hwhm = {less.hwhm_deg:.4g} degrees"
-            )
+        if one.without_it is not None:
+            out.append(f"without {plain(one.effect)}: {_water_and_beam(one.without_it)}")
     return out
+
+
+def _water_and_beam(what: WaterAndBeam) -> str:
+    return (
+        f"a = {what.absorption_per_m:.4g}, b = {what.scattering_per_m:.4g}, "
+        f"K = {what.attenuation_per_m:.4g} 1/m at {what.wavelength_nm:.4g} nm, "
+        f"hwhm = {what.hwhm_deg:.4g} degrees"
+    )

@@ -72,6 +72,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         lead=[*verdict.support, *_lead(verdict)],
         found=[_found(one) for one in verdict.found],
         with_all=_light(verdict.found[0].with_it) if verdict.found else [],
+        at_nm=f"{verdict.found[0].with_it.wavelength_nm:.4g}" if verdict.found else "",
         rungs=[_rung(rung) for rung in verdict.ladder],
         falls=len(verdict.ladder) > 1 and not _rises(verdict.ladder),
         explanations=[_explanation(each) for each in verdict.explanations],

@@ -93,11 +93,12 @@ def _rms_percent(forward: SceneForward, candidate: Candidate, fit: Fit) -> float
 
 
 def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:
-    """At the wavelength of the first channel."""
-    scene, wavelength = (
-        forward.scenes.at(fit.values, validate=False),
-        forward.light.diffuse.wavelengths_nm[:1],
-    )
+    """At the wavelength of the first channel, which is the shortest."""
+    scene = forward.scenes.at(fit.values, validate=False)
+    wavelength = forward.light.diffuse.wavelengths_nm[:1]
     a, b = (float(of(scene.water, wavelength)[0]) for of in (absorption_per_m, scattering_per_m))
     width = stated_width_deg(scene.lamp)
-    return WaterAndBeam(absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b, hwhm_deg=width)
+    return WaterAndBeam(
+        wavelength_nm=float(wavelength[0]), absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b,
+        hwhm_deg=width,
+    )  # fmt: skip
