@@ -33,9 +33,15 @@ class AtOnce(NamedTuple):
     later: np.ndarray
 
     def apply(self, terms: np.ndarray, patches: np.ndarray, reflections: int) -> np.ndarray:
-        """As `Operators.apply`, of as many reflections as it was made for."""
+        """As `Operators.apply`, of no more reflections than it was made for."""
         once = self.first @ terms.ravel()
-        return np.vstack([once, (self.later @ patches).reshape(-1, len(once))]).astype(float)
+        later = self.later[: (reflections - 1) * len(once)] @ patches
+        return np.vstack([once, later.reshape(-1, len(once))]).astype(float)
+
+    @property
+    def reflections(self) -> int:
+        """How many it was made for."""
+        return 1 + len(self.later) // len(self.first)
 
 
 class Operators(NamedTuple):
