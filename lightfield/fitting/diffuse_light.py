@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.fitting.beam_width import beam_width_deg
 from lightfield.formula.own_formulas import lit
+from lightfield.memory import Latest
 from lightfield.readings import Readings
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.render.diffuse.followed import field_at
@@ -32,6 +33,9 @@ if TYPE_CHECKING:
 #: Moments at which the scattered light of changing water is asked for: right to 1e-3 of it 8.5 m away in
 #: water that goes from b = 0.3 per m to 0.01 (tests/physics/found/test_tank_effects.py).
 MOMENTS = 4
+#: Traces that an experiment remembers: in clear and in denser water, of a part of the photons and of all, of
+#: four tables. Chosen: so that the memory of a long session has an end.
+_TRACES = 16
 
 
 class Diffuse(Protocol):
@@ -69,13 +73,13 @@ DiffuseSource = Callable[..., TracedDiffuse]
 
 
 def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
-    """The source of one experiment, which gives what it has been asked for before from memory.
+    """The source of one experiment, which gives what it was asked for last from memory.
 
     Its tank, detector and phase function stay; a trace does not depend on the rest of a scene.
     """
     if source is None:
         return None
-    made: dict[tuple[object, ...], TracedDiffuse] = {}
+    made = Latest[tuple[object, ...], TracedDiffuse](_TRACES)
 
     def once(scene: Scene, *places: Array, **options: float) -> TracedDiffuse:
         key = (*(np.asarray(p, float).tobytes() for p in places), *sorted(options.items()))
