@@ -177,7 +177,8 @@ def markdown(rows: Sequence[Row], cases: Sequence[Row], planned: int) -> str:
         f"other, nor are sets judged with one of the {SEQUENCES} random sequences of the transport response; "
         "so the limits are somewhat too narrow for rates that depend on the truth more than on the noise. "
         "*Reached* compares the measured value with the aims, for false alarms its upper limit; "
-        "where there are few sets it says little.",
+        "where there are few sets it says little. Times count where nothing else kept the machine busy: "
+        "where wall clock time is far beyond processor time, something did.",
         "",
         *_table(["score", "measured", "release aim", "world class", "reached"],
                 [[s.name, s.value, s.release, s.world, s.met] for s in scores(rows)]),
