@@ -38,11 +38,6 @@ class AtOnce(NamedTuple):
         later = self.later[: (reflections - 1) * len(once)] @ patches
         return np.vstack([once, later.reshape(-1, len(once))]).astype(float)
 
-    @property
-    def reflections(self) -> int:
-        """How many it was made for."""
-        return 1 + len(self.later) // len(self.first)
-
 
 class Operators(NamedTuple):
     """What patches and readings exchange, for unit albedo of the brightest.

@@ -15,6 +15,7 @@ import numpy as np
 from lightfield.memory import Latest
 from lightfield.render.reflected.from_lamp import Ways, alike_in_place, alike_on_both_sides, fresnel
 from lightfield.render.reflected.orders import (
+    FEWER,
     REFLECTIONS,
     AtOnce,
     Operators,
@@ -40,8 +41,8 @@ _UPWARDS = 0.5
 Shares = tuple[float, float]
 #: Attenuation, m^-1, surface reflectance, shares of walls and floor, reflections that are followed.
 _Exchange = tuple[float, float, Shares, int]
-#: The same on one side, of however many reflections.
-_OnOneSide = tuple[float, float, Shares, float]
+#: Of these numbers of reflections.
+_NUMBERS = (*FEWER, REFLECTIONS)
 #: Light that is the same on both sides of x = 0, and light that is opposite there: that of the other side
 #: over that of the one.
 _EVEN, _ODD = 1.0, -1.0
@@ -52,7 +53,7 @@ KEPT_OPERATORS, OPERATOR_BYTES = 60, 100e6
 KEPT_WATERS, THROUGH_BYTES = 400, 20e6
 #: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is
 #: worked out for a water that was asked for so often, and kept in so many bytes: it costs as much as to
-#: follow ten lamps, five where what patches exchange has to be made anew. Fewer reflections are part of more.
+#: follow ten lamps, five where what patches exchange has to be made anew, and of few reflections one or two.
 LARGER, OFTEN, AT_ONCE_BYTES = 2, 5, 100e6
 #: Waters of which it is remembered how often they were asked for, in two megabytes.
 COUNTED = 10_000
@@ -95,8 +96,8 @@ class Room:
             self._operator_in
         )
         self._through = lru_cache(2)(self._through_water)
-        self._at_once: dict[_OnOneSide, AtOnce] = {}
-        self._asked = Latest[_OnOneSide, int](COUNTED)
+        self._at_once: dict[tuple[_Exchange, float], AtOnce] = {}
+        self._asked = Latest[tuple[_Exchange, float], int](COUNTED)
         self._ways = lru_cache(KEPT_LAMPS)(self._ways_of)
         waters = int(np.clip(THROUGH_BYTES / (4 * len(self.fine.centre)), FEWEST, KEPT_WATERS))
         self._dimmed = lru_cache(waters)(lambda at, mirrored, c: self._ways(at, mirrored).through(c))
@@ -186,25 +187,25 @@ class Room:
 
     def _exchange(self, of: _Exchange, side: float) -> Operators | AtOnce:
         """What walls and readings exchange: of few readings, when it was often asked for, at once."""
-        each, reflections = (*of[:3], side), of[3]
+        each = of, side
         self._asked[each] = asked = self._asked.get(each, 0) + 1
-        known = self._at_once.get(each)
-        if known is not None and known.reflections >= reflections:
-            return known
-        operator, rows = self._operator(*each), reflections * len(self.places)
-        columns = len(operator.among)
-        is_worth_it = asked > OFTEN and rows <= LARGER * columns
-        if is_worth_it and self._room_for(4 * rows * columns, each):
-            self._at_once[each] = operator.at_once(reflections)
+        for reflections in _NUMBERS:  # fewer are part of more
+            if reflections >= of[3] and (known := self._at_once.get(((*of[:3], reflections), side))):
+                return known
+        operator = self._operator(*of[:3], side)
+        rows, columns = of[3] * len(self.places), len(operator.among)
+        is_worth_it = asked * REFLECTIONS > OFTEN * of[3] and rows <= LARGER * columns
+        if is_worth_it and self._room_for(4 * rows * columns, asked):
+            self._at_once[each] = operator.at_once(of[3])
         return operator
 
-    def _room_for(self, size: int, each: _OnOneSide) -> bool:
-        """Is there room for so many bytes, when what was asked for half as often at most makes it?"""
-        asked = {of: self._asked.get(of, 0) for of in {*self._at_once, each}}
-        seldom = sorted(self._at_once.keys() - {each}, key=asked.__getitem__)
-        kept = sum(self._at_once[of].later.nbytes for of in seldom)
+    def _room_for(self, size: int, asked: int) -> bool:
+        """Is there room for so many bytes, when what was asked for half as often for its size makes it?"""
+        sizes = {of: known.later.nbytes for of, known in self._at_once.items()}
+        often = {of: self._asked.get(of, 0) / bytes_ for of, bytes_ in sizes.items()}
+        seldom, kept = sorted(often, key=often.__getitem__), sum(sizes.values())
         while kept + size > AT_ONCE_BYTES:
-            if not seldom or 2 * asked[seldom[0]] >= asked[each]:
+            if not seldom or 2 * often[seldom[0]] >= asked / size:
                 return False
             kept -= self._at_once.pop(seldom.pop(0)).later.nbytes
         return True

@@ -297,6 +297,9 @@ def test_every_order_at_once_is_one_reflection_after_the_other() -> None:
     np.testing.assert_allclose(
         followed.at_once(12).apply(lit, whole, 12), followed.apply(lit, whole, 12), rtol=2e-5
     )
+    np.testing.assert_allclose(
+        followed.at_once(12).apply(lit, whole, 5), followed.apply(lit, whole, 5), rtol=2e-5
+    )
 
     light = ReflectedLight.at(scene, *places)
     lamps = [scene.with_values({"lamp.hwhm_deg": 15.0 + 0.1 * k}) for k in range(OFTEN + 3)]
