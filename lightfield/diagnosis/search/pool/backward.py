@@ -67,7 +67,9 @@ def _blocks(pool: Pool, node: FittedSet, allowed: Admits) -> tuple[list[_Block],
 def linear_backward(pool: Pool, node: FittedSet, allowed: Admits, fits: int = FITS) -> None:
     """Fit the best stages of an elimination that begins with everything."""
     blocks, target = _blocks(pool, node, allowed)
-    if not blocks:
+    # Where light is no number, no order holds among sets: nothing is proposed from there.
+    blocks = [b for b in blocks if np.isfinite(b.columns).all()]
+    if not blocks or not np.isfinite(target).all():
         return
     base = node.fit.jacobian[:, : len(pool.problem.base)]
     free = orthonormal(base, INDEPENDENT)

@@ -80,3 +80,20 @@ def test_an_effect_that_a_rival_holds_for_nothing_is_taken_from_it(monkeypatch: 
     assert pool.best() is found and pool.cost(rival) < pool.cost(found) + 8
     monkeypatch.setattr(pooled, "seek_rivals", lambda *_: None)  # it found the rival
     assert pooled._beside_rivals(pool, found).names == {"odd", "fringe"}
+
+
+def test_an_effect_whose_light_is_no_number_is_no_part_of_a_proposal() -> None:
+    """What is wild in one effect leaves the sizes of all others as they are."""
+    made = toy()
+    pool = pool_of(made, made.drawn(np.random.default_rng(1), odd=3.0, dusk=-3.0, braid=3.0))
+    base = pool.nodes[frozenset()]
+    scores, amplitudes = pool.scores(base)
+    wild = [
+        replace(s, template=replace(s.template, columns=np.full_like(s.template.columns, np.nan)))
+        if s.template.candidate.name == "fan"
+        else s
+        for s in scores
+    ]
+    pool._scores[base.key] = tuple(wild), amplitudes
+    linear_backward(pool, base, everything, fits=1)
+    assert pool.best().names == {"odd", "dusk", "braid"}
