@@ -6,8 +6,6 @@ its value in the middle, exactly.
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from campaign import (
@@ -21,16 +19,10 @@ from campaign import (
     problems,
     rate,
     run,
-    two_exposures,
 )
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.importing.reduction import band_mean
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    return two_exposures(tmp_path)
 
 
 def test_dark_and_exposure_are_taken_out(campaign):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from campaign import (
@@ -14,7 +12,6 @@ from campaign import (
     oceanview,
     problems,
     run,
-    two_exposures,
 )
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,12 +22,6 @@ from lightfield.readings.importing.importer import import_index
 from lightfield.readings.importing.index import read_index
 from lightfield.readings.importing.reduction import band_mean
 from lightfield.readings.problems import Problems
-
-
-@pytest.fixture
-def campaign(tmp_path: Path) -> Path:
-    return two_exposures(tmp_path)
-
 
 # --- header, file, problems
 

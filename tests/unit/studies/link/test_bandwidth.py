@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pytest
 from plain_walk import Arrived, walk
@@ -121,14 +119,6 @@ def walked(arrived: Arrived, direct: float, receiver: int) -> tuple[float, float
     mine, n = arrived.receiver == receiver, arrived.batches
     parts = [of(mine & (arrived.batch != k), n / (n - 1)) for k in range(n)]
     return of(mine, 1.0), float(np.sqrt((n - 1) / n * np.sum((parts - np.mean(parts)) ** 2)))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_photons_for_docking() -> Iterator[None]:
-    """How far an array docks in water that scatters is not asked here, and would take most of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lightfield.studies.link.study.DOCKING_PHOTONS", 1e4)
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -33,14 +32,6 @@ def scene(a: float = 0.05, b: float = 0.15, **lamp) -> Scene:
     water = {"absorption_per_m": a, "scattering_per_m": b, "phase": phase}
     line = {"hwhm_deg": 3.81, "power_w": 10.0, "spectrum": LINE, **lamp}
     return Scene.from_dict({"lamp": line, "water": water})
-
-
-@pytest.fixture(scope="module", autouse=True)
-def few_photons_for_docking() -> Iterator[None]:
-    """How far an array docks in water that scatters is not asked here, and would take most of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("lightfield.studies.link.study.DOCKING_PHOTONS", 1e4)
-        yield
 
 
 @pytest.fixture(scope="module")
