@@ -32,7 +32,7 @@ from lightfield.storage.tables import kept_by_tables
 
 #: Largest k of the transform times the width of the beam on the plane; its nodes; those of Q, from zero and
 #: this k on; nodes along the path; angles of scattering.
-_REACH, _K_NODES, _Q_NODES, _Q_FROM, _ALONG, _TURNS = 7.0, 128, 40, 0.05, 16, 144
+_REACH, _K_NODES, _Q_NODES, _Q_FROM, _ALONG, _TURNS = 7.0, 128, 40, 0.05, 10, 96
 
 #: Numbers of slants that are tried, and the part by which they may miss the light; a slant at a node is so
 #: far from it, relatively.
@@ -44,12 +44,12 @@ _MOST_DEPTH, _MOST_TANGENT, _MOST_LOSS = 1.6, 1.2, 0.3
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """Transform of where scattered light arrives on a plane: Q(k) for any water.
+    """Transform of where scattered light arrives on planes: Q(k) for any water.
 
     Parameters
     ----------
-    z_m, behind_m : float, m
-        Of the plane, from the window and from where light seems to start.
+    z_m, behind_m : arrays, shape (n_planes,), m
+        Of the planes, from the window and from where light seems to start.
     reach : float
         Largest k times z + z_0, see `largest_kz`.
     turned : TracedPhase
@@ -57,11 +57,11 @@ class Spread:
     share, longer : arrays, shape (n_turns,)
         Part of the light that turns so, and secant of the turn less one.
     kept : array, shape (n_k, n_along * n_turns)
-        J_0 of k times the displacement.
+        J_0 of k times the displacement, alike for all planes.
     """
 
-    z_m: float
-    behind_m: float
+    z_m: Array
+    behind_m: Array
     reach: float
     turned: TracedPhase
     share: Array
@@ -69,7 +69,7 @@ class Spread:
     kept: Array
 
     @classmethod
-    def on_plane(cls, phase: TracedPhase, z_m: float, reach: float) -> Spread:
+    def on_planes(cls, phase: TracedPhase, z_m: Array, reach: float) -> Spread:
         """Of a phase function, with nodes of its own."""
         turn, share = turns(phase, _TURNS, HALF_PI)
         kept = j0(_coarse(reach)[:, None] * np.outer(interval(_ALONG).at, np.tan(turn)).ravel())
@@ -84,15 +84,15 @@ class Spread:
         return replace(self, behind_m=self.z_m + apparent_distance_m, share=share)
 
     def q(self, a: Array) -> Array:
-        """Q at the nodes of the transform in waters of these absorptions, shape (n_k, n_waters), m."""
+        """Q in m at the nodes of the transform, in waters of these absorptions; (n_planes, n_k, n_waters)."""
         # Paths at 90 degrees are endless: an absorption below zero, as a fit may ask for, would make light of
         # every size there.
-        s, along = (self.z_m * v[:, None] for v in interval(_ALONG))
-        lost = np.exp(np.multiply.outer(s * self.longer, -np.maximum(a, 0.0)))
-        lost *= (self.share * along)[..., None]
-        return np.asarray(
-            _between(self.reach, self.z_m / self.behind_m) @ (self.kept @ lost.reshape(-1, len(a)))
-        )
+        at, along = interval(_ALONG)
+        longer, share = np.outer(at, self.longer).ravel(), np.outer(along, self.share).ravel()
+        lost = np.exp(np.multiply.outer(longer, np.outer(self.z_m, -np.maximum(a, 0.0)).ravel()))
+        coarse = (self.kept @ (lost * share[:, None])).reshape(-1, len(self.z_m), len(a)).swapaxes(0, 1)
+        between = _between(self.reach, tuple((self.z_m / self.behind_m).tolist()))
+        return np.asarray(self.z_m[:, None, None] * (between @ coarse))
 
 
 def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: ArrayLike, b: ArrayLike) -> Array:
@@ -100,26 +100,25 @@ def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: ArrayLike, b: ArrayL
 
     Parameters
     ----------
-    spread : Spread
-        Of the same plane.
     tangent : array, shape (n,)
         Distance from the axis over that from the apparent source.
     a, b : float, or array, shape (n_waters,), m^-1
 
     Returns
     -------
-    array, shape (n,) or (n_waters, n)
+    array, shape (n_planes, n) or (n_waters, n_planes, n)
     """
     top, absorption, scattering = spread.reach, np.atleast_1d(a), np.atleast_1d(b)
-    change = spread.z_m * float((np.abs(absorption) + 2 * scattering).max())
+    change = float(spread.z_m.max()) * float((np.abs(absorption) + 2 * scattering).max())
     slant, arriving = _by_slant(lamp, top, _slants(lamp, change))
     slanted = (scattering * spread.q(absorption))[..., None] * slant
     # Three times as fast as `expm1`, and as good where this light counts.
     twice = np.exp(slanted) - 1 - slanted
-    twice *= np.exp(np.multiply.outer(absorption + scattering, -spread.z_m * slant))
-    arrived = np.einsum("kwm,km->kw", twice, arriving)
-    light = (_back(top, tangent.tobytes()) @ arrived).T / (2 * math.pi * spread.behind_m**2)
-    return np.asarray(light if np.ndim(b) else light[0])
+    depth = np.outer(spread.z_m, absorption + scattering)
+    twice *= np.exp(np.multiply.outer(-depth, slant))[:, None]
+    arrived = (twice @ arriving[..., None])[..., 0]
+    light = _back(top, tangent.tobytes()) @ arrived / (2 * math.pi * spread.behind_m**2)[:, None, None]
+    return np.asarray(np.moveaxis(light, 2, 0) if np.ndim(b) else light[..., 0])
 
 
 def largest_kz(lamp: Lamp) -> float:
@@ -138,11 +137,12 @@ def _splines(top: float) -> CubicSpline:
     return CubicSpline(_coarse(top), np.eye(_Q_NODES + 1))
 
 
-@lru_cache(32)
-def _between(top: float, part: float) -> Array:
-    """From these to the nodes of the transform, of which z is so large a part; shape (n_k, n_coarse)."""
+@lru_cache(16)
+def _between(top: float, parts: tuple[float, ...]) -> Array:
+    """From these to the nodes of the transform, for planes whose z is such a part of the distance that light
+    seems to come; shape (n_planes, n_k, n_coarse)."""
     t, _ = interval(_K_NODES)
-    return np.asarray(_splines(top)(part * top * t * t))
+    return np.asarray(_splines(top)(np.multiply.outer(parts, top * t * t)))
 
 
 @lru_cache(8)

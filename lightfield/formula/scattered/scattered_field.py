@@ -55,15 +55,15 @@ from lightfield.scene.water.phase.spec import TracedPhase
 _ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 5, 0.1, 1.4
 #: Distances, at least and for every factor of e from the nearest to the farthest; part of the range that is
 #: added at its ends for tilts.
-_DISTANCES, _PER_E, _MORE = 3, 2, 0.05
+_DISTANCES, _PER_E, _MORE = 3, 1.5, 0.05
 #: Cosine of the angle to a tilted beam at which places farther beside it, or behind the lamp, are taken: what
 #: is scattered there by so much more is no small angle's.
 _ASIDE = 0.3
 #: A place at a node is so far from it, logarithmically.
 _AT_NODE = 1e-15
 _REMEMBERED, _STEPS = 64, 3
-#: So many paths and spreads, for other phase functions and widths, are remembered: of twenty megabytes and of
-#: five each. A search goes to and fro between a dozen.
+#: So many paths and spreads, for other phase functions and widths, are remembered: of ten megabytes and of
+#: half of one each. A search goes to and fro between a dozen.
 _PATHS, _SPREADS = 5, 10
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
@@ -134,50 +134,43 @@ class _Tables:
     ) -> Array:
         """ln(E R^2 exp(c R)), shape (n_waters, n_distances, n_angles)."""
         angles, behind_m, width = _angles(most), lamp.apparent_distance_m, half_width_rad(lamp)
-        slant, loss = np.sqrt(1 + angles**2), 1 - mean_cosine(phase)
-        known = near(phase)
-        sent = self._sent(lamp, known, most)
-        spreads = [s.of(phase, behind_m) for s in self._spreads(known, _stepped(largest_kz(lamp)))]
-        out = np.empty((len(a), len(self.log_z), len(angles)))
+        z = np.exp(self.log_z)[:, None]
+        behind, known = z + behind_m, near(phase)
         absorption, scattering = np.array(a), np.array(b)
-        for j, (z_m, paths, spread) in enumerate(
-            zip(np.exp(self.log_z).tolist(), sent, spreads, strict=True)
-        ):
-            behind, z = z_m + behind_m, np.full(len(angles), z_m)
-            light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
-            light *= closure(scattering[:, None], loss, angles * (behind / z_m), width, z, behind_m)
-            for rows, some in paths:
-                share = shares_at(phase, known, len(some.share))
-                light[:, rows] += some.light(absorption, scattering, share)
-            depth = np.multiply.outer(absorption + scattering, z_m * slant)
-            out[:, j] = np.log(light * (behind * slant) ** 2) + depth
-        return out
+        spread = self._spread(known, _stepped(largest_kz(lamp))).of(phase, behind_m)
+        light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
+        loss = 1 - mean_cosine(phase)
+        light *= closure(scattering[:, None, None], loss, angles * (behind / z), width, z, behind_m)
+        for rows, paths in self._sent(lamp, known, most):
+            once = paths.light(absorption, scattering, shares_at(phase, known, len(paths.share)))
+            light[..., rows] += once.reshape(len(a), len(z), -1)
+        slant = np.sqrt(1 + angles**2)
+        return np.log(light * (behind * slant) ** 2) + np.multiply.outer(absorption + scattering, z * slant)
 
     def _paths_to(
         self, phase: TracedPhase, width: float, behind_m: float, most: float
-    ) -> list[list[tuple[slice, TabledPaths]]]:
+    ) -> list[tuple[slice, TabledPaths]]:
         """Paths of light that is scattered once, at every distance to the angles of every resolution."""
-        angles, table = _angles(most), EmissionTable.of(width)
+        angles, table, z = _angles(most), EmissionTable.of(width), np.exp(self.log_z)
         aside = int(np.searchsorted(angles, seen_narrow(width)))
+
+        def to(tangent: Array) -> TabledPaths:
+            radius, far = np.outer(z + behind_m, tangent).ravel(), np.repeat(z, len(tangent))
+            fine = Resolution.for_beam(width, float(tangent[-1]))
+            return TabledPaths.of(table, single_paths(phase, width, radius, far, behind_m, fine))
+
         parts = [rows for rows in (slice(aside), slice(aside, len(angles))) if len(angles[rows])]
+        return [(rows, to(angles[rows])) for rows in parts]
 
-        def to(z: float, tangent: Array) -> TabledPaths:
-            far, fine = np.full(len(tangent), z), Resolution.for_beam(width, float(tangent[-1]))
-            paths = single_paths(phase, width, tangent * (z + behind_m), far, behind_m, fine)
-            return TabledPaths.of(table, paths)
-
-        return [[(rows, to(z, angles[rows])) for rows in parts] for z in np.exp(self.log_z).tolist()]
-
-    def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[list[tuple[slice, LitPaths]]]:
+    def _sent_along(self, lamp: Lamp, phase: TracedPhase, most: float) -> list[tuple[slice, LitPaths]]:
         """The same paths with the light of a lamp on them."""
         width, behind_m = _stepped(half_width_rad(lamp)), lamp.apparent_distance_m
-        tabled = self._paths(phase, width, behind_m, most)
         light = EmissionTable.of(width).intensity(lamp)
-        return [[(rows, some.lit(light)) for rows, some in every] for every in tabled]
+        return [(rows, paths.lit(light)) for rows, paths in self._paths(phase, width, behind_m, most)]
 
-    def _spread(self, phase: TracedPhase, top: float) -> list[Spread]:
+    def _spread(self, phase: TracedPhase, top: float) -> Spread:
         """Where light that was scattered more often arrives, at every distance."""
-        return [Spread.on_plane(phase, z, top) for z in np.exp(self.log_z).tolist()]
+        return Spread.on_planes(phase, np.exp(self.log_z), top)
 
 
 class ScatteredField:
@@ -230,7 +223,7 @@ class ScatteredField:
         scatters = np.maximum(b, _CLEAREST_PER_M)
         phase = with_molecules(water.phase, molecular_share(scene))
         table = self._tables.light(lamp, phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
-        power = np.einsum("nj,wji,ni->wn", seen.by_z, table, seen.by_angle, optimize=True)
+        power = (seen.by_z.T * (table @ seen.by_angle.T)).sum(axis=1)
         light = np.exp(power - (a + scatters)[:, None] * seen.table_path) * seen.nearer
         light *= (b / scatters)[:, None]
         if water.hardening_per_m:
