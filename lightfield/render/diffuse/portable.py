@@ -34,7 +34,7 @@ from lightfield.scene.water.layers import layers_depth
 #: Light from walls is told at so many albedos, Chebyshev's nodes: a polynomial between them is exact to 1e-4
 #: of the light up to albedos of 0.9 (tests/system/test_saved_page.py).
 ALBEDOS = 7
-#: Attenuations that it is told at: every fourth of those at which it is known.
+#: Attenuations that it is told at: of those at which it is known every fourth, or second.
 _STEP_PER_M = 4 * C_STEP
 
 

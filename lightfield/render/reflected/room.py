@@ -28,11 +28,14 @@ from lightfield.scene import Lamp, Scene, Tank, receiver
 
 MOST_PAIRS = 1_500_000  # of fine patch and reading
 FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
-#: Step of attenuation, m^-1, between which orders of light are interpolated: in a closed white tow tank to
-#: 0.1 % for a beam of 4 degrees (twice the step: 0.7 %), in other tanks to 0.03 % (beside a quarter of it).
-#: And reflectances of the surface, as far as a scene may say: without the last light between walls of 0.5
-#: was 0.9 % too dark at 1.3, and 1.9 % at 1.5; with it light is right to 0.04 % there.
-C_STEP, SURFACE_NODES = 0.025, (0.0, 0.5, 1.0, 1.5)
+#: Step of attenuation, m^-1, between which orders of light are interpolated, and after how many of them it is
+#: twice as long. In the tanks of `benchmarks/constants`, in the middle of steps: to 0.2 % in the clearest
+#: water of one of 37 m, to 0.02 % in the others, and to 0.06 % where steps are long; in a closed white tow
+#: tank, for a beam of 4 degrees, to 0.1 %.
+C_STEP, SHORT_STEPS = 0.025, 6
+#: Reflectances of the surface, as far as a scene may say: without the last light between walls of 0.5 was
+#: 0.9 % too dark at 1.3, and 1.9 % at 1.5; with it light is right to 0.04 % there.
+SURFACE_NODES = (0.0, 0.5, 1.0, 1.5)
 #: Albedo of the darker of walls and floor over that of the other: light of one reflection is linear in it.
 FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
 #: The normal of the floor has a y above this, that of walls none, and that of a lid looks down.
@@ -126,7 +129,7 @@ class Room:
         dim = FLOOR_NODES if share != 1 else (1.0,)
         shares = [(1.0, d) if share <= 1 else (d, 1.0) for d in dim]
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
-        nodes, along_c = cubic(attenuation_per_m, C_STEP)
+        nodes, along_c = between_nodes(attenuation_per_m)
         under = [(m, w, reflections_of(albedo)) for w in shares for m in mirrors]
         known, every = self._known(lamp), []
         asked = [[(c, *each) for c in nodes] for each in under]
@@ -281,23 +284,27 @@ def _facing_back(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarr
     return np.maximum(direction[2], 0.0)
 
 
-def cubic(at: np.ndarray, step: float) -> tuple[list[float], np.ndarray]:
-    """Cubic interpolation at several places between those of the multiples of a step that are next to each.
+def between_nodes(attenuation_per_m: np.ndarray) -> tuple[list[float], np.ndarray]:
+    """Cubic interpolation at several attenuations between the four nodes that are next to each.
 
     Returns
     -------
-    nodes : list of float
-        The k multiples that are needed, ascending, none below zero.
+    nodes : list of float, m^-1
+        The k that are needed, ascending, none below zero.
     weights : array, shape (n, k)
     """
-    first = np.maximum(np.floor(at / step) - 1, 0).astype(int)
-    needed, column = np.unique(first[:, None] + np.arange(4), return_inverse=True)
-    t = at / step - first
-    own = [(t - 1) * (t - 2) * (t - 3) / -6, t * (t - 2) * (t - 3) / 2, t * (t - 1) * (t - 3) / -2]
-    weights = np.zeros((len(at), len(needed)))
-    rows = np.arange(len(at))[:, None]
-    weights[rows, column.reshape(-1, 4)] = np.stack([*own, t * (t - 1) * (t - 2) / 6], axis=1)
-    return [round(step * k, 6) for k in needed.tolist()], weights
+    at, steps = np.asarray(attenuation_per_m, float), np.asarray(attenuation_per_m, float) / C_STEP
+    steps = np.where(steps > SHORT_STEPS, 0.5 * (steps + SHORT_STEPS), steps)
+    four = np.maximum(np.floor(steps) - 1, 0).astype(int)[:, None] + np.arange(4)
+    needed, column = np.unique(four, return_inverse=True)
+    nodes = np.round(C_STEP * np.where(needed > SHORT_STEPS, 2 * needed - SHORT_STEPS, needed), 6)
+    column = column.reshape(-1, 4)
+    weights, rows = np.zeros((len(at), len(needed))), np.arange(len(at))
+    for k in range(4):
+        others = nodes[np.delete(column, k, axis=1)]
+        apart = (at[:, None] - others) / (nodes[column[:, k]][:, None] - others)
+        weights[rows, column[:, k]] = apart.prod(axis=1)
+    return nodes.tolist(), weights
 
 
 def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:
