@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from lightfield.scene.water.water import Water
 
 #: Moments at which the scattered light of changing water is asked for: right to 1e-3 of it 8.5 m away in
-#: water that goes from b = 0.3 per m to 0.01 (tests/physics/found/test_tank_effects.py).
-MOMENTS = 4
+#: water that goes from b = 0.3 per m to 0.01. Where nothing settles light goes nearly as the straight line
+#: takes it, and two are right to 2e-4 where absorption changes by 0.1 per m; reflected light has longer ways:
+#: three are right to 6e-4 where they are half as long again (tests/physics/found/test_tank_effects.py).
+MOMENTS, MOMENTS_OF_REFLECTED, FEWEST_MOMENTS = 4, 3, 2
 #: Traces that an experiment remembers: in clear and in denser water, of a part of the photons and of all, of
 #: four tables. Chosen: so that the memory of a long session has an end.
 _TRACES = 16
@@ -224,7 +226,7 @@ class DiffuseLight:
     def _at_its_times(self, scene: Scene) -> Array:
         """Light, where need be at a few moments of the water and between, shape (n,)."""
         if ages(scene.water):
-            at, shares = moments(scene.water, self.readings.time_s, self._straight_m, MOMENTS)
+            at, shares = moments(scene.water, self.readings.time_s, self._straight_m, _moments(scene))
             waters = [at_time(scene.water, float(t)) for t in at]
             now = self._in_waters(scene, waters)
             return np.asarray((shares * np.array(now)).sum(axis=0))
@@ -259,3 +261,10 @@ class DiffuseLight:
         if scene.detector.wavelength_shift_nm:
             return list(read_nm(scene, self.wavelengths_nm).tolist())
         return [None if np.isnan(w) else float(w) for w in self.channels[0]]
+
+
+def _moments(scene: Scene) -> int:
+    """Of how many moments light is asked for."""
+    if scene.water.settling_per_m:
+        return MOMENTS
+    return MOMENTS_OF_REFLECTED if any(scene.reflectances) else FEWEST_MOMENTS

@@ -119,8 +119,7 @@ class EmissionTable(NamedTuple):
     @classmethod
     def of(cls, half_width_rad: float) -> EmissionTable:
         """For beams of about this half width."""
-        theta = np.linspace(0.0, HALF_PI, math.ceil(_PER_HALF_WIDTH * HALF_PI / half_width_rad) + 1)
-        return cls(np.append(theta, theta[-1] + theta[1]))
+        return cls(_angles_of_table(half_width_rad))
 
     def intensity(self, lamp: Lamp) -> Array:
         """Radiant intensity over that on the axis at every angle of the table."""
@@ -131,6 +130,12 @@ class EmissionTable(NamedTuple):
         at = np.minimum(np.sqrt(theta_squared) / self.theta[1], len(self.theta) - 1)
         before = np.minimum(at.astype(np.int32), len(self.theta) - 2)
         return before, at - before
+
+
+@lru_cache(32)
+def _angles_of_table(half_width_rad: float) -> Array:
+    theta = np.linspace(0.0, HALF_PI, math.ceil(_PER_HALF_WIDTH * HALF_PI / half_width_rad) + 1)
+    return np.append(theta, theta[-1] + theta[1])
 
 
 @kept_by_tables(256)

@@ -137,7 +137,7 @@ class _Tables:
         z = np.exp(self.log_z)[:, None]
         behind, known = z + behind_m, near(phase)
         absorption, scattering = np.array(a), np.array(b)
-        spread = self._spread(known, _stepped(largest_kz(lamp))).of(phase, behind_m)
+        spread = self._spreads(known, _stepped(largest_kz(lamp))).of(phase, behind_m)
         light = np.maximum(multiple(lamp, spread, angles, absorption, scattering), 0.0)
         loss = 1 - mean_cosine(phase)
         light *= closure(scattering[:, None, None], loss, angles * (behind / z), width, z, behind_m)
