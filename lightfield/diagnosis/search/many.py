@@ -51,7 +51,7 @@ def beyond_two(
         Does the search end with its first sets? Of many readings it is not asked.
     """
     many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress, ends)
-    bench, base = many.bench, many.base.fit
+    bench, base = many.bench, many.pool.nodes[frozenset()].fit
     level = Level(many.tolerance, bench, base, bench.test(base))
     best = ScoredSet(
         many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test
@@ -148,10 +148,8 @@ def levelled(data: Data, prepared: Prepared, finding: SearchResult) -> SearchRes
         seek_rivals(pool, node, candidate)
     node = pool.nodes[node.key]
     found = evidence(pool, node, adequate=True)
-    many = Many(
-        prepared, finding.level.bench, finding.level.tolerance, pool, node,
-        pool.nodes[frozenset()], adequacy, True, found, sought=False,
-    )  # fmt: skip
+    level = finding.level
+    many = Many(prepared, level.bench, level.tolerance, pool, node, adequacy, True, found, sought=False)
     finding = replace(finding, many=many)
     return finding if data.problem.sample is not None else _beside(finding, pool, node, best.test)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from lightfield.diagnosis.adequacy.score_tests import Adequacy
+from collections.abc import Iterator
+
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
-from lightfield.diagnosis.search.preparation import Bench
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.effects.local import FAMILY as UNKNOWN
 
@@ -23,26 +23,30 @@ def named(candidate: Candidate) -> bool:
     return not candidate.effect.is_free_form
 
 
-def the_answer(
-    pool: Pool, made: Bench, found: FittedSet, adequacy: Adequacy, alpha: float
-) -> tuple[FittedSet, Adequacy]:
-    """What was found, or a set of the pool that is the better answer, with its test and its rivals.
+def the_answer(pool: Pool, found: FittedSet, alpha: float) -> FittedSet:
+    """What was found, or a set of the pool that is the better answer, fitted with all its derivatives; its
+    rivals are sought then.
 
     Parameters
     ----------
-    found, adequacy : FittedSet, Adequacy
-        A set that passes the test, and that.
+    found : FittedSet
+        A set that passes the test.
     alpha : float
         Level of the test.
     """
-    found, adequacy = _named_first(pool, made, found, adequacy, alpha)
-    return _cheaper_by_what_is_left(pool, made, found, adequacy, alpha)
+    for sets in (_named_first, _cheaper_by_what_is_left):
+        for node in sets(pool, found):
+            exact = pool.exact(node)
+            if pool.ground.test(exact.fit).passes(alpha):
+                for candidate in exact.explanation:
+                    seek_rivals(pool, exact, candidate)
+                found = exact
+                break
+    return found
 
 
-def _named_first(
-    pool: Pool, made: Bench, found: FittedSet, adequacy: Adequacy, alpha: float
-) -> tuple[FittedSet, Adequacy]:
-    """The cheapest set that passes the test with fewer curves, where the best costs little less; or the best.
+def _named_first(pool: Pool, found: FittedSet) -> Iterator[FittedSet]:
+    """Sets with fewer curves that cost little more, cheapest first.
 
     A curve follows whatever named effects it contains, and the noise besides. Where it is cheaper all the
     same, they are one of two ways to see it. A local unknown is no name.
@@ -53,18 +57,13 @@ def _named_first(
         if pool.cost(node) > limit:
             break
         fewer = {c.key for c in node.explanation if not named(c)} < curves
-        if not fewer or any(c.effect.family == UNKNOWN and c.key not in found.key for c in node.explanation):
-            continue
-        if (answer := _if_it_passes(pool, made, node, alpha)) is not None:
-            return answer
-    return found, adequacy
+        unknown = any(c.effect.family == UNKNOWN and c.key not in found.key for c in node.explanation)
+        if fewer and not unknown:
+            yield node
 
 
-def _cheaper_by_what_is_left(
-    pool: Pool, made: Bench, found: FittedSet, adequacy: Adequacy, alpha: float
-) -> tuple[FittedSet, Adequacy]:
-    """A set that passes the test and costs less by more than names are worth, at the scale of noise by which
-    gaps are told; or what was found.
+def _cheaper_by_what_is_left(pool: Pool, found: FittedSet) -> Iterator[FittedSet]:
+    """Sets that cost less by more than names are worth, at the scale of noise by which gaps are told.
 
     Sets are sought at the pure error, which a rich model may take for too small: effects are then added that
     describe noise.
@@ -73,19 +72,4 @@ def _cheaper_by_what_is_left(
     for node in sorted(pool.nodes.values(), key=weighing.above):
         if weighing.above(node) > -NAMED_FIRST:
             break
-        if (answer := _if_it_passes(pool, made, node, alpha)) is not None:
-            return answer
-    return found, adequacy
-
-
-def _if_it_passes(
-    pool: Pool, made: Bench, node: FittedSet, alpha: float
-) -> tuple[FittedSet, Adequacy] | None:
-    """A set as fitted with all its derivatives, and its test; its rivals are sought then."""
-    exact = pool.exact(node)
-    tested = made.test(exact.fit)
-    if not tested.passes(alpha):
-        return None
-    for candidate in exact.explanation:
-        seek_rivals(pool, exact, candidate)
-    return exact, tested
+        yield node

@@ -5,34 +5,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
-from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, following, scatters
-from lightfield.diagnosis.search.pool.afresh import beside_fresh_fits
-from lightfield.diagnosis.search.pool.answer import named, the_answer
-from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool import looks
+from lightfield.diagnosis.search.pool.answer import the_answer
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
-from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, prepare_about
 from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit, Whiten
 
-#: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
-#: Chosen; with half and twice of the first two ten campaigns have the same verdicts.
-_BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
-#: Fits of a linear elimination before giving up. Chosen: time alone; half and twice alike in ten campaigns.
-_MORE = 6
 #: Rounds of noise and search, and of rivals that turn out better. Chosen: noise settles in two.
 _ROUNDS, _RIVAL_ROUNDS = 4, 3
 #: Traces where a best set lies have seeds of their own. Chosen: no trace has another's.
@@ -67,7 +60,6 @@ class Many:
     tolerance: float
     pool: Pool
     best: FittedSet
-    base: FittedSet
     adequacy: Adequacy
     adequate: bool
     evidence: Sequence[Evidence]
@@ -110,6 +102,10 @@ class Data:
         assert every.sample is not None
         return replace(self, problem=every.sample[1], whole=every)
 
+    def prepared_about(self, found: FittedSet) -> Prepared:
+        """Noise and outliers, judged about a set."""
+        return prepare_about(self.problem, self.quoted, self.budget, found.explanation, found.fit)
+
 
 #: Does a search end with its first sets? Told the noise, their pool, what was known before, and the best.
 Ends = Callable[[Prepared, Pool, FittedSet, FittedSet], bool]
@@ -118,16 +114,6 @@ Ends = Callable[[Prepared, Pool, FittedSet, FittedSet], bool]
 def never(*_: object) -> bool:
     """Not with its first sets."""
     return False
-
-
-def direct(candidate: Candidate) -> bool:
-    """Is it a named effect that acts on direct light alone?"""
-    return named(candidate) and not candidate.effect.diffuse
-
-
-def everything(candidate: Candidate) -> bool:
-    """Named effects and curves."""
-    return True
 
 
 def ground_about(
@@ -140,61 +126,97 @@ def ground_about(
     return made, Ground(made.test, adequacy.phi, adequacy.nu)
 
 
-def _pool(ground: Ground, best: FittedSet, progress: Progress) -> Pool:
-    """A pool that holds the base model and what was the best set so far."""
+class _Asked(NamedTuple):
+    """Level of the test, random numbers of its bootstrap, and who is told of the best set."""
 
-    def told(node: FittedSet) -> None:
-        progress.tried(1, ground.problem, node.explanation, node.fit)
+    alpha: float
+    rng: np.random.Generator
+    progress: Progress
 
-    pool = Pool(ground)
-    start = Begin(best.fit.by_path)
-    # Width and absorption of a large set may lie where the base model alone has another minimum.
-    pool.finished(pool.fit((), [start, Begin({})]))
-    pool.finished(pool.fit(best.explanation, [start]))
-    pool.progress = told
-    return pool
-
-
-def _first(pool: Pool) -> None:
-    """The best named set, then the best of all."""
-    base = pool.nodes[frozenset()]
-    # Scattered and reflected light takes its time: first without.
-    forward(pool, base, _BEAM, _FITS, direct)
-    polish(pool, direct)
-    best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
-    linear_backward(pool, base, named)
-    linear_backward(pool, best, named)
-    polish(pool, named)
-    if _has_curves(pool):
-        _curves(pool)
+    def on_ground(self, data: Data, prepared: Prepared, best: FittedSet, tolerance: float) -> _Standing:
+        """A search that begins: a pool that holds the base model and what was the best set so far."""
+        made, ground = ground_about(prepared, tolerance, self.rng, best)
+        pool, start = Pool(ground), Begin(best.fit.by_path)
+        # Width and absorption of a large set may lie where the base model alone has another minimum.
+        pool.finished(pool.fit((), [start, Begin({})]))
+        same = pool.finished(pool.fit(best.explanation, [start]))
+        pool.progress = lambda node: self.progress.tried(1, ground.problem, node.explanation, node.fit)
+        return _Standing(self, data, prepared, tolerance, made, pool, same)
 
 
-def _has_curves(pool: Pool) -> bool:
-    return not all(map(named, pool.problem.candidates))
+@dataclass(frozen=True)
+class _Standing:
+    """Where a search stands.
 
+    Parameters
+    ----------
+    data : Data
+        In the light of the best set, as far as that is traced.
+    prepared : Prepared
+        Noise and outliers as judged about it.
+    tolerance : float
+        Smooth relative misfit within which sets are tested.
+    bench, pool : Bench, Pool
+        Tests and sets on the ground of all that; the pool grows.
+    best : FittedSet
+        Of the pool.
+    """
 
-def _curves(pool: Pool) -> None:
-    """Sets with curves, and named ones that catch up with them."""
-    forward(pool, pool.nodes[frozenset()], _BEAM_AGAIN, _FITS_AGAIN, everything)
-    best = polish(pool, everything)
-    if all(map(named, best.explanation)):
-        return
-    for candidate in best.explanation:
-        if not named(candidate):
-            best = pool.drop(best, candidate)
-    forward(pool, best, _BEAM_AGAIN, _FITS_AGAIN, named, patience=2)
-    polish(pool, named)
-    polish(pool, everything)
+    asked: _Asked
+    data: Data
+    prepared: Prepared
+    tolerance: float
+    bench: Bench
+    pool: Pool
+    best: FittedSet
 
+    @cached_property
+    def adequacy(self) -> Adequacy:
+        """Of the best set."""
+        return self.bench.test(self.best.fit)
 
-def _wider(pool: Pool, best: FittedSet) -> None:
-    """Another look before giving up."""
-    forward(pool, pool.nodes[frozenset()], _WIDE, _FITS, named, patience=2)
-    other = polish(pool, named)
-    for node in {other.key: other, best.key: best}.values():
-        linear_backward(pool, node, named, _MORE)
-    polish(pool, named)
-    polish(pool, everything)
+    @property
+    def passes(self) -> bool:
+        """Is nothing missing beside the best set?"""
+        return self.adequacy.passes(self.asked.alpha)
+
+    @property
+    def may_pass_within(self) -> bool:
+        """Is something missing, and a tolerance stated?"""
+        return not self.passes and self.data.budget.tolerance > 0
+
+    def after(self, *some: Callable[[Pool, FittedSet], FittedSet]) -> _Standing:
+        """The same with the best set after some looks at the pool."""
+        best = self.best
+        for look in some:
+            best = look(self.pool, best)
+        return self if best is self.best else replace(self, best=best)
+
+    def after_wider_look(self) -> _Standing:
+        """The same, if nothing is missing; else after another look."""
+        return self if self.passes else self.after(looks.wider)
+
+    def followed(self, seed: int) -> _Standing:
+        """The same in light traced where the best set lies, with noise and outliers as judged there; the
+        pool is that of before."""
+        data, best = _followed(self.data, self.best, self.bench.whiten, self.prepared.problem.keep, seed)
+        return replace(self, data=data, prepared=data.prepared_about(best), best=best)
+
+    def on_ground(self, tolerance: float) -> _Standing:
+        """Begun once more, in the light and the noise as they are now."""
+        return self.asked.on_ground(self.data, self.prepared, self.best, tolerance)
+
+    def is_elsewhere(self, before: FittedSet) -> bool:
+        """Does the best set scatter light that was traced for another, or far from where it lies?"""
+        fit = self.best.fit
+        if not self.data.can_follow(fit):
+            return False
+        return self.best.key != before.key or fit.away_from(fit.model.at(before.fit.by_path)) > _NEAR
+
+    def told(self, certainty: Sequence[Evidence]) -> Many:
+        """What is told of it."""
+        known = self.prepared, self.bench, self.tolerance, self.pool, self.best
+        return Many(*known, self.adequacy, self.passes, certainty)
 
 
 def search_many(
@@ -217,89 +239,76 @@ def search_many(
     ends : callable
         Of many readings it is not asked.
     """
+    asked = _Asked(alpha, rng, progress)
     if data.problem.sample is not None:
-        return _of_sample(data, begun, alpha, rng, progress)
-    found = FittedSet(begun.explanation, begun.reference)
-    data, found = _followed(data, found, Whitener(begun.noise), begun.problem.keep, _SEED)
-    known = found.key
-    prepared = replace(begun, problem=replace(data.problem, keep=begun.problem.keep))
-    made, ground = ground_about(prepared, 0.0, rng, found)
-    pool = _pool(ground, found, progress)
-    _first(pool)
-    found = pool.best()
-    if ends(prepared, pool, pool.nodes[known], found):
-        base, adequacy = pool.nodes[frozenset()], made.test(found.fit)
-        return Many(prepared, made, 0.0, pool, found, base, adequacy, False, (), at_first_sight=True)
+        return _of_sample(asked, data, begun)
+    keep, known = begun.problem.keep, FittedSet(begun.explanation, begun.reference)
+    data, found = _followed(data, known, Whitener(begun.noise), keep, _SEED)
+    prepared = replace(begun, problem=replace(data.problem, keep=keep))
+    now = asked.on_ground(data, prepared, found, 0.0).after(looks.first)
+    if ends(now.prepared, now.pool, now.pool.nodes[known.key], now.best):
+        return replace(now.told(()), adequate=False, at_first_sight=True)
+    now = _in_its_noise(now)
+    if now.may_pass_within:
+        now = _within_tolerance(now)
+    return _answered(now)
+
+
+def _in_its_noise(now: _Standing) -> _Standing:
+    """The set that is the best in the light and the noise about itself, or the last one before rounds end."""
     for k in range(_ROUNDS):
-        before = found
-        seed = _SEED + (1 + k) * _TRACES
-        data, found = _followed(data, found, made.whiten, prepared.problem.keep, seed)
-        prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
-        made, ground = ground_about(prepared, 0.0, rng, found)
-        pool = _pool(ground, found, progress)
-        found = beside_fresh_fits(pool, _again(pool), everything)
-        if found.key != before.key or _is_elsewhere(data, found, before):
+        before, now = now.best, now.followed(_SEED + (1 + k) * _TRACES).on_ground(0.0)
+        now = now.after(looks.again, looks.afresh)
+        if now.best.key != before.key or now.is_elsewhere(before):
             continue
-        found, adequacy = _tested(pool, made, found, alpha)
-        if not adequacy.passes(alpha) and data.budget.tolerance > 0:
+        now = now.after_wider_look()
+        if now.may_pass_within:
             break
-        found = _beside_rivals(pool, found)
-        if found.key == before.key:
+        now = now.after(looks.beside_rivals)
+        if now.best.key == before.key:
             break
-    tolerance = 0.0
-    found, adequacy = _tested(pool, made, found, alpha)
-    if not adequacy.passes(alpha) and data.budget.tolerance > 0:
-        tolerance = data.budget.tolerance
-        for k in range(_ROUNDS_WITHIN):
-            before = found
-            made, ground = ground_about(prepared, tolerance, rng, found)
-            pool = _pool(ground, found, progress)
-            found, adequacy = _tested(pool, made, _again(pool), alpha)
-            if not _is_elsewhere(data, found, before):
-                break
-            seed = _SEED + (1 + _ROUNDS + k) * _TRACES
-            data, found = _followed(data, found, made.whiten, prepared.problem.keep, seed)
-            prepared = prepare_about(data.problem, data.quoted, data.budget, found.explanation, found.fit)
+    return now.after_wider_look()
+
+
+def _within_tolerance(now: _Standing) -> _Standing:
+    """The best set within the tolerance, in light traced where it lies."""
+    for k in range(_ROUNDS_WITHIN):
+        before, now = now.best, now.on_ground(now.data.budget.tolerance)
+        now = now.after(looks.again).after_wider_look()
+        if not now.is_elsewhere(before):
+            break
+        now = now.followed(_SEED + (1 + _ROUNDS + k) * _TRACES)
+    return now
+
+
+def _answered(now: _Standing) -> Many:
+    """The best set once no rival is better, or the answer among those that pass; how sure its effects are."""
     for _ in range(_RIVAL_ROUNDS):
-        other = _beside_rivals(pool, found)
-        if other is found:
+        other = now.after(looks.beside_rivals)
+        if other is now:
             break
-        found = polish(pool, everything)
-    found = pool.exact(found)
-    adequacy = made.test(found.fit)
-    adequate = adequacy.passes(alpha)
-    if adequate:
-        found, adequacy = the_answer(pool, made, found, adequacy, alpha)
-    base = pool.nodes[frozenset()]
-    certainty = evidence(pool, found, adequate)
-    return Many(prepared, made, tolerance, pool, found, base, adequacy, adequate, certainty)
+        now = other.after(looks.around)
+    now = now.after(Pool.exact)
+    if now.passes:
+        now = now.after(lambda pool, best: the_answer(pool, best, now.asked.alpha))
+    return now.told(evidence(now.pool, now.best, now.passes))
 
 
-def _of_sample(
-    data: Data, begun: Prepared, alpha: float, rng: np.random.Generator, progress: Progress
-) -> Many:
+def _of_sample(asked: _Asked, data: Data, begun: Prepared) -> Many:
     """What a sample of many readings finds, fitted to all of them and tested on them."""
     assert data.problem.sample is not None
     rows, some = data.problem.sample
     part = replace(data, problem=some, quoted=data.quoted[rows], whole=data.problem)
-    u = begun.reference.u
-    first = some.fit(begun.explanation, Whitener(begun.noise.subset(rows)), [u], max_steps=0)
-    there = prepare_about(some, part.quoted, data.budget, begun.explanation, first)
-    found = search_many(part, there, alpha, rng, progress)
-    progress(f"{len(found.best.explanation)} effects fitted to all {data.problem.layout.size} readings")
-    best, whole = found.best, Whitener(begun.noise)
+    known, u = begun.explanation, [begun.reference.u]
+    first = FittedSet(known, some.fit(known, Whitener(begun.noise.subset(rows)), u, max_steps=0))
+    found = search_many(part, part.prepared_about(first), *asked)
+    best, size = found.best, data.problem.layout.size
+    asked.progress(f"{len(best.explanation)} effects fitted to all {size} readings")
     data = data.following(best.fit, _SEED + (1 + _ROUNDS + _ROUNDS_WITHIN) * _TRACES)
-    fit = data.problem.fit(best.explanation, whole, [best.fit.u])
-    prepared = prepare_about(data.problem, data.quoted, data.budget, best.explanation, fit)
+    fit = data.problem.fit(best.explanation, Whitener(begun.noise), [best.fit.u])
     node = FittedSet(best.explanation, fit)
-    made, ground = ground_about(prepared, found.tolerance, rng, node)
-    pool = _pool(ground, node, progress)
-    node = pool.nodes[best.key]
-    adequacy = made.test(node.fit)
-    adequate = adequacy.passes(alpha)
-    certainty = evidence(found.pool, best, adequate)
-    base = pool.nodes[frozenset()]
-    return Many(prepared, made, found.tolerance, pool, node, base, adequacy, adequate, certainty)
+    now = asked.on_ground(data, data.prepared_about(node), node, found.tolerance)
+    return now.told(evidence(found.pool, best, now.passes))
 
 
 def _followed(data: Data, found: FittedSet, whiten: Whiten, keep: Array, seed: int) -> tuple[Data, FittedSet]:
@@ -313,41 +322,3 @@ def _followed(data: Data, found: FittedSet, whiten: Whiten, keep: Array, seed: i
         if fit.away_from(before.fit.u) < _NEAR:
             break
     return data, found
-
-
-def _is_elsewhere(data: Data, found: FittedSet, before: FittedSet) -> bool:
-    """Does a set scatter light that was traced for another, or far from where it lies?"""
-    if not data.can_follow(found.fit):
-        return False
-    if found.key != before.key:
-        return True
-    return found.fit.away_from(found.fit.model.at(before.fit.by_path)) > _NEAR
-
-
-def _beside_rivals(pool: Pool, found: FittedSet) -> FittedSet:
-    """The best set beside the best ones without each of its effects, or the first of those that is better."""
-    for candidate in found.explanation:
-        seek_rivals(pool, found, candidate)
-        if pool.best() is not found:
-            return pool.best()
-    thin(pool)
-    return pool.best()
-
-
-def _again(pool: Pool) -> FittedSet:
-    """The best set, from what was the best under other errors."""
-    polish(pool, everything)
-    forward(pool, pool.best(), _BEAM_AGAIN, _FITS_AGAIN, everything)
-    linear_backward(pool, pool.best(), named)
-    return polish(pool, everything)
-
-
-def _tested(pool: Pool, made: Bench, found: FittedSet, alpha: float) -> tuple[FittedSet, Adequacy]:
-    """The best set and its test, after another look where it fails."""
-    adequacy = made.test(found.fit)
-    if not adequacy.passes(alpha):
-        _wider(pool, found)
-        if pool.best() is not found:
-            found = pool.best()
-            adequacy = made.test(found.fit)
-    return found, adequacy

@@ -84,10 +84,9 @@ def test_an_effect_that_describes_noise_is_not_in_the_answer(size: float, kept: 
     gain, price = one.fit.chi2 - two.fit.chi2, pool.ground.price(known["braid"])
     assert pool.cost(two) < pool.cost(one)
     assert (gain > price) is kept and abs(gain - price) > 5
-    adequacy = wide.test(two.fit)
-    found, tested = the_answer(pool, SimpleNamespace(test=wide.test), two, adequacy, ALPHA)
+    found = the_answer(pool, two, ALPHA)
     assert found.names == ({"odd", "braid"} if kept else {"odd"})
-    assert tested.passes(ALPHA)
+    assert wide.test(found.fit).passes(ALPHA)
 
 
 def test_what_more_effects_do_not_explain_is_no_finding_of_two(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,10 +18,11 @@ from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
-from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
-from lightfield.diagnosis.search.pool.any_number import Data, Many, everything, search_many
+from lightfield.diagnosis.search.pool.answer import NAMED_FIRST, named
+from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.evidence import Evidence, evidence
+from lightfield.diagnosis.search.pool.looks import everything
 from lightfield.diagnosis.search.pool.moves import polish
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
 from lightfield.diagnosis.search.set_of_effects import FittedSet
@@ -395,4 +396,4 @@ def test_the_search_is_the_same_twice() -> None:
     one, two = many(made, problem), many(made, problem)
     assert [e.gap for e in one.evidence] == [e.gap for e in two.evidence]
     assert one.adequacy.p == two.adequacy.p
-    assert isinstance(one.best, FittedSet) and pooled.named(one.best.explanation[0])
+    assert isinstance(one.best, FittedSet) and named(one.best.explanation[0])

@@ -13,6 +13,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
+from lightfield.diagnosis.search.pool import looks
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit
@@ -47,7 +48,7 @@ def test_noise_is_judged_again_where_a_curve_was_made_longer(monkeypatch: pytest
         about.append([c.form.name for c in explanation])
         return judge(problem, quoted, budget, explanation, fit)
 
-    monkeypatch.setattr(pooled, "_first", lambda pool: pool.fit((short,), [Begin({})]))
+    monkeypatch.setattr(looks, "first", lambda pool, _: pool.fit((short,), [Begin({})]))
     monkeypatch.setattr(pooled, "prepare_about", prepare_about)
     found = many(made, problem)
     assert [c.form.name for c in found.best.explanation] == ["4 terms"]

@@ -11,10 +11,10 @@ from toy_problem import Toy, layout
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.pool import any_number as pooled
-from lightfield.diagnosis.search.pool.any_number import everything
+from lightfield.diagnosis.search.pool import looks
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.pool.looks import everything
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.effects import Effect, Form, Free
@@ -78,8 +78,8 @@ def test_an_effect_that_a_rival_holds_for_nothing_is_taken_from_it(monkeypatch: 
         pool.fit([by[name] for name in names], [Begin({})]) for names in (("both",), ("odd", "fringe", "fan"))
     )
     assert pool.best() is found and pool.cost(rival) < pool.cost(found) + 8
-    monkeypatch.setattr(pooled, "seek_rivals", lambda *_: None)  # it found the rival
-    assert pooled._beside_rivals(pool, found).names == {"odd", "fringe"}
+    monkeypatch.setattr(looks, "seek_rivals", lambda *_: None)  # it found the rival
+    assert looks.beside_rivals(pool, found).names == {"odd", "fringe"}
 
 
 def test_an_effect_whose_light_is_no_number_is_no_part_of_a_proposal() -> None:

@@ -1,0 +1,120 @@
+"""Looks at a pool of sets: moves one after another, from what was the best set to what is the best then.
+
+A search begins every fit where a smaller or a larger set lies. Where one effect stands for another (a faint
+negative background for water that absorbs, say), all sets that grow from it may lie in a valley that none of
+them leaves, the true one among them: so sets near the best are fitted anew too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lightfield.diagnosis.problem.candidates import Candidate, go_together
+from lightfield.diagnosis.problem.problem import Explanation
+from lightfield.diagnosis.search.pool.answer import named
+from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.pool.moves import forward, polish, thin
+from lightfield.diagnosis.search.pool.rivals import seek_rivals
+from lightfield.diagnosis.search.set_of_effects import FittedSet
+
+#: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
+#: Chosen; with half and twice of the first two ten campaigns have the same verdicts.
+_BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
+#: Fits of a linear elimination before giving up. Chosen: time alone; half and twice alike in ten campaigns.
+_MORE = 6
+
+
+def direct(candidate: Candidate) -> bool:
+    """Is it a named effect that acts on direct light alone?"""
+    return named(candidate) and not candidate.effect.diffuse
+
+
+def everything(candidate: Candidate) -> bool:
+    """Named effects and curves."""
+    return True
+
+
+def first(pool: Pool, _: FittedSet) -> FittedSet:
+    """From the base model: the best named set, then the best of all."""
+    base = pool.nodes[frozenset()]
+    # Scattered and reflected light takes its time: first without.
+    forward(pool, base, _BEAM, _FITS, direct)
+    polish(pool, direct)
+    best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
+    linear_backward(pool, base, named)
+    linear_backward(pool, best, named)
+    polish(pool, named)
+    if not all(map(named, pool.problem.candidates)):
+        _curves(pool)
+    return pool.best()
+
+
+def _curves(pool: Pool) -> None:
+    """Sets with curves, and named ones that catch up with them."""
+    forward(pool, pool.nodes[frozenset()], _BEAM_AGAIN, _FITS_AGAIN, everything)
+    best = polish(pool, everything)
+    if all(map(named, best.explanation)):
+        return
+    for candidate in best.explanation:
+        if not named(candidate):
+            best = pool.drop(best, candidate)
+    forward(pool, best, _BEAM_AGAIN, _FITS_AGAIN, named, patience=2)
+    polish(pool, named)
+    polish(pool, everything)
+
+
+def again(pool: Pool, _: FittedSet) -> FittedSet:
+    """From what was the best under other errors."""
+    polish(pool, everything)
+    forward(pool, pool.best(), _BEAM_AGAIN, _FITS_AGAIN, everything)
+    linear_backward(pool, pool.best(), named)
+    return polish(pool, everything)
+
+
+def afresh(pool: Pool, best: FittedSet) -> FittedSet:
+    """Once sets around the best were fitted anew that have no curve and ask for no trace: from typical sizes
+    of their effects in the water that the scene states."""
+    for explanation in list(_around(pool, best)):
+        if all(map(direct, explanation)) and pool.affordable(explanation):
+            pool.anew(explanation)
+    return best if pool.best() is best else polish(pool, everything)
+
+
+def _around(pool: Pool, best: FittedSet) -> Iterator[Explanation]:
+    """Sets of the pool that differ by one effect from the named ones of a set, and these with any other."""
+    own = [c for c in best.explanation if named(c)]
+    mine = {c.name for c in own}
+    for node in pool.nodes.values():
+        theirs = {c.name for c in node.explanation}
+        if max(len(mine - theirs), len(theirs - mine)) <= 1:
+            yield node.explanation
+    for candidate in pool.problem.candidates:
+        whole = (*own, candidate)
+        if go_together(whole) and frozenset(c.key for c in whole) not in pool.nodes:
+            yield whole
+
+
+def wider(pool: Pool, best: FittedSet) -> FittedSet:
+    """Another look before giving up."""
+    forward(pool, pool.nodes[frozenset()], _WIDE, _FITS, named, patience=2)
+    other = polish(pool, named)
+    for node in {other.key: other, best.key: best}.values():
+        linear_backward(pool, node, named, _MORE)
+    polish(pool, named)
+    return polish(pool, everything)
+
+
+def beside_rivals(pool: Pool, best: FittedSet) -> FittedSet:
+    """Beside the best sets without each of its effects: the first of those that is better, if one is."""
+    for candidate in best.explanation:
+        seek_rivals(pool, best, candidate)
+        if pool.best() is not best:
+            return pool.best()
+    thin(pool)
+    return pool.best()
+
+
+def around(pool: Pool, _: FittedSet) -> FittedSet:
+    """By single moves alone."""
+    return polish(pool, everything)
