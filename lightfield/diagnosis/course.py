@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -68,6 +69,8 @@ class Inquiry:
         Family-wise false-alarm probability of the test of the base model.
     seed : int
         Of the bootstrap, and of the traces that scattered light is settled with.
+    progress : Progress
+        Told what begins, and the best set so far.
     asked : sequence of str
         Names of `effects`, where not all that are known were asked for.
     """
@@ -80,6 +83,7 @@ class Inquiry:
     is_settled_after: bool
     alpha: float
     seed: int
+    progress: Progress
     asked: Sequence[str] = ()
 
 
@@ -103,6 +107,7 @@ class Knowledge:
         The finding rests on light traced for it.
     """
 
+    inquiry: Inquiry
     problem: Problem
     untestable: Untestable
     data: Data
@@ -115,58 +120,61 @@ class Knowledge:
         """The same with another finding, and the noise that it was judged beside."""
         return replace(self, prepared=prepared, finding=finding)
 
-    @property
-    def data_in_its_light(self) -> Data:
-        """Every usable reading, in the light that the finding rests on."""
-        forward = self.prepared.problem.forward
-        return replace(self.data, problem=replace(self.data.problem, forward=forward))
+    def in_its_light(self) -> Knowledge:
+        """The same with every usable reading in the light that the finding rests on."""
+        problem = replace(self.data.problem, forward=self.prepared.problem.forward)
+        return replace(self, data=replace(self.data, problem=problem))
+
+    def levelled(self) -> Knowledge:
+        """The same with how sure each of one or two effects is."""
+        return self.now(self.prepared, levelled(self.data, self.prepared, self.finding))
+
+    def with_more_effects(self, ends: Ends = never) -> Knowledge:
+        """What any number of effects explain, unless nothing would be believed."""
+        if says_nothing(self.prepared, self.finding):
+            return self
+        asked, now = self.inquiry, (self.data, self.prepared, self.finding)
+        return self.now(*beyond_two(*now, asked.alpha, asked.seed, asked.progress, ends))
+
+    def settled(self) -> Knowledge:
+        """What was found, in light traced for it."""
+        asked, now = self.inquiry, (self.data, self.prepared, self.finding)
+        return self.now(*settled(*now, self.rng, asked.alpha, asked.progress, asked.seed))
+
+    def trust(self, rng: np.random.Generator) -> Trust:
+        """How far the finding may be believed."""
+        return trust_of(self.prepared, self.finding, np.asarray(self.inquiry.readings.saturated, bool), rng)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What is known in the end.
-
-    Parameters
-    ----------
-    trust : Trust
-        What is set aside, and whether there is a reason to doubt.
-    also : WithScattering, optional
-        What reflects, with scattering too.
-    """
+class Outcome(NamedTuple):
+    """What is known in the end, how far it is trusted, and what reflects, with scattering too."""
 
     known: Knowledge
     trust: Trust
     also: WithScattering | None
 
 
-def course(inquiry: Inquiry, progress: Progress) -> Outcome:
+def course(inquiry: Inquiry) -> Outcome:
     """Search, settle, judge."""
     # Light that grows beyond all numbers is a model that misses the readings, and no fault.
     with np.errstate(over="ignore", invalid="ignore"):
-        return _course(inquiry, progress)
+        known = _searched(inquiry)
+        inquiry.progress("rivals of every effect")
+        known = _unless_overtaken(known.levelled())
+        if inquiry.is_settled_after and not known.is_settled:
+            known = _settled_after(known)
+        return _judged(known)
 
 
-def _course(inquiry: Inquiry, progress: Progress) -> Outcome:
-    known = _searched(inquiry, progress)
-    progress("rivals of every effect")
-    known = known.now(known.prepared, levelled(known.data, known.prepared, known.finding))
-    if is_overtaken(known.finding):
-        more = _beyond_two(inquiry, known, known.prepared, progress)
-        known = more if more.finding.accepted else known
-    if inquiry.is_settled_after and not known.is_settled:
-        known = _settled_after(inquiry, known, progress)
-    return _judged(inquiry, known)
-
-
-def _searched(inquiry: Inquiry, progress: Progress) -> Knowledge:
+def _searched(inquiry: Inquiry) -> Knowledge:
     """What a trace shows; traced again where it ends in water too dense for it."""
-    readings, seed, alpha = inquiry.readings, inquiry.seed, inquiry.alpha
+    readings, alpha, progress = inquiry.readings, inquiry.alpha, inquiry.progress
     budget, quoted = budget_of(readings), np.asarray(readings.stderr, float)
     before: tuple[FittedSet, ...] = ()
     traces = Retraced(inquiry.scene, readings, inquiry.source)
     for forward in traces:
         problem, untestable = problem_of(forward, readings, inquiry.effects, inquiry.without_diffuse)
-        rng = np.random.default_rng(seed)
+        rng = np.random.default_rng(inquiry.seed)
         progress(f"noise and outliers of {problem.layout.size} readings")
         by_shape = calibration.by_shape(problem)
         # Curves come only where no named effect will do.
@@ -176,13 +184,7 @@ def _searched(inquiry: Inquiry, progress: Progress) -> Knowledge:
         if traces.asked is not None and traces.left:
             continue
         finding = search(prepared, budget.tolerance, rng, alpha, progress)
-        known = Knowledge(problem, untestable, data, prepared, finding, rng)
-        if finding.size is None:
-            known = _with_more_effects(inquiry, known, progress)
-        elif finding.size > 0 and prepared.errors_stated:
-            known = _unless_more_explain(inquiry, known, progress)
-        if prepared.errors_stated:
-            known = _unless_a_ripple_does(inquiry, known, progress)
+        known = _explained(Knowledge(inquiry, problem, untestable, data, prepared, finding, rng))
         if known.is_settled:
             break
         light = known.prepared.problem.forward.light
@@ -190,45 +192,59 @@ def _searched(inquiry: Inquiry, progress: Progress) -> Knowledge:
     return known
 
 
-def _with_more_effects(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
-    """Where no one or two effects will do: any number, unless one or two nearly do, and do once settled."""
-    if inquiry.is_settled_after and is_nearly_explained(known.prepared, known.finding):
-        early = _settled(inquiry, known, progress)
+def _explained(known: Knowledge) -> Knowledge:
+    """What one or two effects explain, or more, or effects beside a local unknown."""
+    stated = known.prepared.errors_stated
+    if known.finding.size is None:
+        known = _settled_early(known) or _of_any_number(known)
+    elif known.finding.size > 0 and stated:
+        known = _unless_more_explain(known)
+    return _unless_a_ripple_does(known) if stated else known
+
+
+def _settled_early(known: Knowledge) -> Knowledge | None:
+    """One or two effects that nearly explain the readings, and do once settled; None if there are none."""
+    if known.inquiry.is_settled_after and is_nearly_explained(known.prepared, known.finding):
+        early = known.settled()
         if early.finding.accepted:
-            return replace(early, data=early.data_in_its_light, is_settled=True)
-    more = _beyond_two(inquiry, known, known.prepared, progress, misses_by_far(known.data.budget.tolerance))
+            return replace(early.in_its_light(), is_settled=True)
+    return None
+
+
+def _of_any_number(known: Knowledge) -> Knowledge:
+    """What any number of effects explain, or a few beside a local unknown."""
+    more = known.with_more_effects(misses_by_far(known.data.budget.tolerance))
     if more.finding.accepted or more.finding.many is None:
         return more
-    beside = _beside_unknowns(inquiry, more, progress)
+    beside = _beside_unknowns(more)
     if beside is not None and _is_simpler(beside.finding, more.finding):
         return beside  # of more effects than these some imitate anything
     if more.finding.many.at_first_sight:
-        more = _beyond_two(inquiry, known, known.prepared, progress)
-    return more if more.finding.accepted or beside is None else beside
+        more = known.with_more_effects()
+    return more if more.finding.accepted else beside or more
 
 
-def _beside_unknowns(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge | None:
+def _beside_unknowns(known: Knowledge) -> Knowledge | None:
     """What explains the readings beside a local unknown, if something does that may be believed; not of many
     readings, nor of what is no beam."""
-    if known.problem.layout.size > MANY or _doubt(inquiry, known) not in (None, DoubtReason.SET_ASIDE):
+    if known.problem.layout.size > MANY or _doubt(known) not in (None, DoubtReason.SET_ASIDE):
         return None
-    progress("effects beside local unknowns")
-    problem, unknown = with_unknowns(known.data_in_its_light.problem, inquiry.readings)
+    known.inquiry.progress("effects beside local unknowns")
+    problem, unknown = with_unknowns(known.in_its_light().data.problem, known.inquiry.readings)
     data = replace(known.data, problem=replace(problem, candidates=(*problem.candidates, *unknown)))
     base = known.finding.level.base
     prepared = replace(known.prepared, problem=data.problem, explanation=(), reference=base)
     ends = misses_by_far(data.budget.tolerance)
-    found = _beyond_two(inquiry, replace(known, data=data), prepared, progress, ends)
+    found = replace(known, data=data, prepared=prepared).with_more_effects(ends)
     names, best = tuple(dict.fromkeys(c.name for c in unknown)), found.finding.best
-    if best is None or set(names).isdisjoint(best.names) or _doubt(inquiry, found) is not None:
+    if best is None or set(names).isdisjoint(best.names) or _doubt(found) is not None:
         return None
     return found.now(found.prepared, replace(found.finding, unknown=names))
 
 
-def _doubt(inquiry: Inquiry, known: Knowledge) -> DoubtReason | None:
+def _doubt(known: Knowledge) -> DoubtReason | None:
     """What speaks against believing anything of the readings."""
-    saturated, rng = np.asarray(inquiry.readings.saturated, bool), np.random.default_rng(inquiry.seed)
-    doubt = trust_of(known.prepared, known.finding, saturated, rng).doubt
+    doubt = known.trust(np.random.default_rng(known.inquiry.seed)).doubt
     return None if doubt is None else doubt.reason
 
 
@@ -239,22 +255,22 @@ def _is_simpler(finding: SearchResult, other: SearchResult) -> bool:
     return best is not None and len(best.explanation) <= few
 
 
-def _unless_more_explain(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
+def _unless_more_explain(known: Knowledge) -> Knowledge:
     """One or two effects that pass because the errors are taken for too small, or more that explain the
     scatter: if not all of it, something is missing, and the two are no answer."""
     scale = variance_scale(known.prepared, known.finding)
     if scale < _TOO_SMALL:
         return known
-    more = _beyond_two(inquiry, known, known.prepared, progress, leaves(_PROMISES))
+    more = known.with_more_effects(leaves(_PROMISES))
     many = more.finding.many
     if many is None or many.at_first_sight:
         return known
     if variance_scale(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
         return known
-    return more if more.finding.accepted else _beside_unknowns(inquiry, more, progress) or more
+    return more if more.finding.accepted else _beside_unknowns(more) or more
 
 
-def _unless_a_ripple_does(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
+def _unless_a_ripple_does(known: Knowledge) -> Knowledge:
     """What passes, or explains the readings beside a ripple of the lamp's power in time.
 
     It was taken for noise then: one that follows another looks like errors that go together.
@@ -270,53 +286,36 @@ def _unless_a_ripple_does(inquiry: Inquiry, known: Knowledge, progress: Progress
     off, light = (problem.value - fit.prediction) / sigma, fit.prediction / sigma
     if left_by_a_ripple(problem.layout, off, light, problem.keep) >= _MENDS:
         return known
-    beside = _beside_unknowns(inquiry, known, progress)
+    beside = _beside_unknowns(known)
     if beside is None or variance_scale(beside.prepared, beside.finding) >= _MENDS * scale:
         return known
     return beside
 
 
-def _beyond_two(
-    inquiry: Inquiry, known: Knowledge, prepared: Prepared, progress: Progress, ends: Ends = never
-) -> Knowledge:
-    alpha, seed = inquiry.alpha, inquiry.seed
-    if says_nothing(prepared, known.finding):
-        return known.now(prepared, known.finding)
-    return known.now(*beyond_two(known.data, prepared, known.finding, alpha, seed, progress, ends))
+def _unless_overtaken(known: Knowledge) -> Knowledge:
+    """One or two effects, or any number where a set among their rivals costs less by more than a name is
+    worth."""
+    more = known.with_more_effects() if is_overtaken(known.finding) else known
+    return more if more.finding.accepted else known
 
 
-def _settled(inquiry: Inquiry, known: Knowledge, progress: Progress) -> Knowledge:
-    data, prepared, finding, rng = known.data, known.prepared, known.finding, known.rng
-    alpha, seed = inquiry.alpha, inquiry.seed
-    return known.now(*settled(data, prepared, finding, rng, alpha, progress, seed))
-
-
-def _settled_after(inquiry: Inquiry, found: Knowledge, progress: Progress) -> Knowledge:
+def _settled_after(found: Knowledge) -> Knowledge:
     """What was found, settled; more effects where better light takes one or two back."""
-    known = _settled(inquiry, found, progress)
+    known = found.settled()
+    if (node := known.finding.cheaper) is not None:  # the search goes on from there, in light traced there
+        there = replace(found.prepared, explanation=node.explanation, reference=node.fit)
+        more = replace(found, prepared=there).with_more_effects()
+        known = more.settled() if more.finding.accepted else known
+    if known.finding.size is None and not known.finding.beyond_two:
+        known = known.now(found.prepared, known.finding).with_more_effects().settled()
     finding = known.finding
-    if finding.cheaper is not None:
-        better = _from_there(inquiry, found, finding.cheaper, progress)
-        known = known if better is None else better
-        finding = known.finding
-    if finding.size is None and (finding.many is None or not finding.many.sought):
-        known = _beyond_two(inquiry, known, found.prepared, progress)
-        known = _settled(inquiry, known, progress)
-        finding = known.finding
-    if not (finding.is_levelled or finding.beyond_two):  # in better light another set is the best
-        finding = replace(finding, many=None)
-        finding = levelled(known.data_in_its_light, known.prepared, finding)
-    return known.now(known.prepared, finding)
+    if finding.is_levelled or finding.beyond_two:
+        return known
+    # In better light another set is the best.
+    return known.in_its_light().now(known.prepared, replace(finding, many=None)).levelled()
 
 
-def _from_there(inquiry: Inquiry, found: Knowledge, node: FittedSet, progress: Progress) -> Knowledge | None:
-    """What any number of effects explain, from a set and in light traced there, settled; None for nothing."""
-    there = replace(found.prepared, explanation=node.explanation, reference=node.fit)
-    more = _beyond_two(inquiry, found, there, progress)
-    return _settled(inquiry, more, progress) if more.finding.accepted else None
-
-
-def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:
+def _judged(known: Knowledge) -> Outcome:
     """What may be believed: the calibration, what the scene states, too much noise, the photons' errors."""
     # What the answer rests on is said and drawn in its own light.
     known = replace(known, problem=replace(known.problem, forward=known.prepared.problem.forward))
@@ -324,16 +323,16 @@ def _judged(inquiry: Inquiry, known: Knowledge) -> Outcome:
         known.prepared, known.problem, without_held_ranges(with_truncation(known.finding))
     )
     finding = refutation.pruned(prepared, finding)
-    trust = trust_of(prepared, finding, np.asarray(inquiry.readings.saturated, bool), known.rng)
+    trust = known.now(prepared, finding).trust(known.rng)
     if trust.doubt is not None:
         partly = trust.doubt.reason is DoubtReason.SET_ASIDE
         # What has a coordinate may pass for noise; of what is no beam nothing is told.
         no_beam = trust.doubt.reason is not DoubtReason.NOISE
         finding = finding.but_for_some() if partly else finding.without_answer(no_beam)
     also = None
-    if inquiry.is_settled_after:
+    if known.inquiry.is_settled_after:
         finding = in_light_of_photons(prepared.problem, finding)
-        also = with_scattering(prepared.problem, finding, inquiry.seed)
+        also = with_scattering(prepared.problem, finding, known.inquiry.seed)
     if finding.best is not None:
         finding = replace(finding, errors_of_set=finding.best.errors)
     if also is not None:

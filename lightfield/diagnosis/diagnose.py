@@ -302,10 +302,11 @@ def diagnose(
     UsageError
         Unknown effect.
     """
-    inquiry = _inquiry(readings.check_against(scene), scene, diffuse, only, alpha, seed)
+    readings = readings.check_against(scene)
+    inquiry = _inquiry(readings, scene, diffuse, only, alpha, seed, _following(progress))
     # On many small matrices more BLAS threads only get in each other's way.
     with threadpool_limits(1, "blas"):
-        return _diagnose(inquiry, advise, _following(progress))
+        return _diagnose(inquiry, advise)
 
 
 def _inquiry(
@@ -315,6 +316,7 @@ def _inquiry(
     only: Sequence[str] | None,
     alpha: float,
     seed: int,
+    progress: SoFar,
 ) -> Inquiry:
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
@@ -324,7 +326,9 @@ def _inquiry(
         if only is not None
         else [*every.values(), *effects.curves().values()]
     )
-    return Inquiry(readings, scene, source, reason, chosen, diffuse == "trace", alpha, seed, only or ())
+    return Inquiry(
+        readings, scene, source, reason, chosen, diffuse == "trace", alpha, seed, progress, only or ()
+    )
 
 
 def _following(progress: Callable[[str], None] | None) -> SoFar:
@@ -333,8 +337,8 @@ def _following(progress: Callable[[str], None] | None) -> SoFar:
     return SoFar() if progress is None else SoFar(progress)
 
 
-def _diagnose(inquiry: Inquiry, advise: bool, progress: SoFar) -> Diagnosis:
-    outcome = course(inquiry, progress)
+def _diagnose(inquiry: Inquiry, advise: bool) -> Diagnosis:
+    outcome, progress = course(inquiry), inquiry.progress
     known, prepared, finding = outcome.known, outcome.known.prepared, outcome.known.finding
     best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]

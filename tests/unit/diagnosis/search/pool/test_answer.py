@@ -112,9 +112,11 @@ def test_two_that_pass_in_too_large_errors_are_no_answer_where_more_mend_them(
     finding = SimpleNamespace(
         many=SimpleNamespace(adequacy="about the set", at_first_sight=False), accepted=[]
     )
-    known, more = (SimpleNamespace(prepared=None, finding=f) for f in (SimpleNamespace(many=None), finding))
+    more = SimpleNamespace(prepared=None, finding=finding)
+    known = SimpleNamespace(
+        prepared=None, finding=SimpleNamespace(many=None), with_more_effects=lambda ends: more
+    )
     scale = {None: 10.0, "about the set": left}
     monkeypatch.setattr(course, "variance_scale", lambda prepared, finding, about=None: scale[about])
-    monkeypatch.setattr(course, "_beyond_two", lambda *_: more)
     monkeypatch.setattr(course, "_beside_unknowns", lambda *_: None)
-    assert course._unless_more_explain(None, known, SILENT) is (more if more_is_it else known)
+    assert course._unless_more_explain(known) is (more if more_is_it else known)
