@@ -23,7 +23,15 @@ from lightfield.arrays import Array, jsonable
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.errors import LightfieldError
 from lightfield.explorer.experiment import Experiment
-from lightfield.explorer.saved.moving_light import ALBEDO, SCATTERING, moving_light, ranges_at_stop, why_fixed
+from lightfield.explorer.saved.moving_light import (
+    ABSORPTION,
+    ALBEDO,
+    BACKGROUND,
+    SCATTERING,
+    moving_light,
+    ranges_at_stop,
+    why_fixed,
+)
 from lightfield.explorer.saved.packed_arrays import PackedArrays
 from lightfield.explorer.saved.page import PAGE, page_html, some_places
 from lightfield.explorer.session import Session
@@ -197,12 +205,15 @@ EVERYTHING = Scene.from_dict(
         },
     }
 )
+#: What moves in a page, and by how much; a gain besides.
+STEPS = {ABSORPTION: 0.03, SCATTERING: 0.1, ALBEDO: 0.2, BACKGROUND: 0.01}
 
 
 @needs_browser
 @pytest.mark.slow  # a trace for every field that photons know
 def test_what_a_page_moves_is_python_whatever_the_scene_states(tmp_path: Path) -> None:
-    """Every field of a scene in turn: its light moves as Python's does, or is said not to move."""
+    """Every field of a scene in turn: its light, and the formula, move as Python's do, by more scattering and
+    by all that moves in a page, or are said not to move."""
     z, wavelength, x = (
         v.ravel() for v in np.meshgrid([3.0, 4.5], [480.0, 520.0, 560.0], [-0.5, 0.0, 0.3], indexing="ij")
     )
@@ -219,9 +230,8 @@ def test_what_a_page_moves_is_python_whatever_the_scene_states(tmp_path: Path) -
             scene = scene.with_values({path: 40.0})
         forward = SceneForward(scene, table, partial(response_for, photons=20_000, keeper=AFRESH), full=1.0)
         own = cast(Experiment, SimpleNamespace(layout=layout_of(table)))
-        values = dict.fromkeys(forward.gains.names, 1.0) | {
-            p: float(scene.get(p)) for p in (SCATTERING, ALBEDO) if scene.tank is not None or p == SCATTERING
-        }
+        gain, values = forward.gains.names[0], dict.fromkeys(forward.gains.names, 1.0)
+        values |= {p: float(scene.get(p)) for p in STEPS if scene.tank is not None or p != ALBEDO}
         fixed[path] = why_fixed(own, scene)
         if fixed[path] is None:
             moves = ranges_at_stop(values)
@@ -230,20 +240,24 @@ def test_what_a_page_moves_is_python_whatever_the_scene_states(tmp_path: Path) -
             except LightfieldError as error:
                 fixed[path] = str(error)
                 continue
-            for more in ({}, {SCATTERING: values[SCATTERING] + 0.1}):
-                albedo = values.get(ALBEDO)
-                by = {p: v - values[p] for p, v in more.items()}
-                sets.append([found, {"by": by, "ratio": {}, "background": 0.0, "albedo": albedo}])
-                expected[path, SCATTERING in more] = forward.predict(values | more)
+            steps = {p: step for p, step in STEPS.items() if p in values} | {gain: 0.3}
+            for some in ((), (SCATTERING,), tuple(steps)):
+                by = {p: steps[p] for p in some}
+                now = {p: v + by.get(p, 0.0) for p, v in values.items()}
+                moved = {"by": by, "ratio": {gain: now[gain]}, "background": by.get(BACKGROUND, 0.0)}
+                sets.append([found, moved | {"albedo": now.get(ALBEDO)}])
+                light = forward.light.direct(forward.light.scenes.at(now, validate=False), table)
+                expected[path, some] = forward.predict(now), forward.reader.read(light, now)
     got = in_the_kernel(jsonable(sets), arrays, tmp_path)
-    for (what, wanted), model in zip(expected.items(), got, strict=True):
-        check(model, wanted, what)
+    for (what, both), found in zip(expected.items(), got, strict=True):
+        for wanted, light in zip(both, found, strict=True):
+            check(light, wanted, what)
     assert fixed["detector.stray_light"] and fixed["tank.floor_over_walls"]
     assert sum(why is None for why in fixed.values()) > len(FIELDS) / 2
 
 
-def in_the_kernel(sets: list[Any], arrays: PackedArrays, folder: Path) -> list[list[float]]:
-    """Readings that the kernel of a page makes of sets of places, each moved by something."""
+def in_the_kernel(sets: list[Any], arrays: PackedArrays, folder: Path) -> list[list[list[float]]]:
+    """Readings and formula that the kernel of a page makes of sets of places, each moved by something."""
     from playwright.sync_api import sync_playwright
 
     file = folder / "kernel.html"
@@ -255,8 +269,10 @@ def in_the_kernel(sets: list[Any], arrays: PackedArrays, folder: Path) -> list[l
         found = page.evaluate(
             """([text, sets]) => {
                 const buffer = Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
-                return sets.map(([set, moved]) => Array.from(
-                    LF.kernel.evaluate(LF.kernel.unpack(buffer, set), moved).model));
+                return sets.map(([set, moved]) => {
+                    const { model, formula } = LF.kernel.evaluate(LF.kernel.unpack(buffer, set), moved);
+                    return [Array.from(model), Array.from(formula)];
+                });
             }""",
             [arrays.text, sets],
         )
