@@ -270,14 +270,13 @@ def _in_its_noise(now: _Standing) -> _Standing:
     return now.after_wider_look()
 
 
-def _within_tolerance(now: _Standing) -> _Standing:
-    """The best set within the tolerance, in light traced where it lies."""
+def _within_tolerance(there: _Standing) -> _Standing:
+    """The best set within the tolerance, in light traced where it lies, or in that of the last round."""
     for k in range(_ROUNDS_WITHIN):
-        before, now = now.best, now.on_ground(now.data.budget.tolerance)
-        now = now.after(looks.again).after_wider_look()
-        if not now.is_elsewhere(before):
+        now = there.on_ground(there.data.budget.tolerance).after(looks.again).after_wider_look()
+        if not now.is_elsewhere(there.best):
             break
-        now = now.followed(_SEED + (1 + _ROUNDS + k) * _TRACES)
+        there = now.followed(_SEED + (1 + _ROUNDS + k) * _TRACES)
     return now
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from toy_pool import many, toy, with_curve
+from toy_problem import layout
 
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -15,6 +16,7 @@ from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool import looks
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.search_progress import SILENT
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.least_squares import Fit
 
@@ -53,3 +55,21 @@ def test_noise_is_judged_again_where_a_curve_was_made_longer(monkeypatch: pytest
     found = many(made, problem)
     assert [c.form.name for c in found.best.explanation] == ["4 terms"]
     assert about == [["2 terms"], ["4 terms"]]
+
+
+def test_noise_is_told_as_judged_in_the_light_of_the_sets_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where rounds end before a set stays where its light was traced: what no effect is, 12 sigma, is
+    sought within a tolerance, and nothing is ever where it was."""
+    made, lay = toy(), layout()
+    bump = 12 * np.exp(-(((lay.x_m - lay.x_m[3]) / 0.05) ** 2)) * (lay.z_m > 6)
+    problem = made.drawn(np.random.default_rng(1), odd=20.0, dusk=-6.0)
+    problem = replace(problem, value=problem.value + made.sigma * bump)
+    for name, value in (
+        ("can_follow", lambda _: True), ("scatters", lambda _, fit: "toy.odd" in fit.paths),
+        ("following", lambda problem, fit, seed: replace(problem)), ("_NEAR", -1.0),
+    ):  # fmt: skip
+        monkeypatch.setattr(pooled, name, value)
+    data = pooled.Data(problem, made.sigma, Budget(0.0, 0.0, 1e-4))
+    found = pooled.search_many(data, made.prepared(problem), 0.01, np.random.default_rng(0), SILENT)
+    assert found.tolerance == 1e-4 and "odd" in found.best.names
+    assert found.pool.problem is found.prepared.problem
