@@ -7,7 +7,7 @@ them leaves, the true one among them: so sets near the best are fitted anew too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation
@@ -62,6 +62,16 @@ def _curves(pool: Pool) -> None:
     forward(pool, best, _BEAM_AGAIN, _FITS_AGAIN, named, patience=2)
     polish(pool, named)
     polish(pool, everything)
+
+
+def beyond(node: FittedSet) -> Callable[[Pool, FittedSet], FittedSet]:
+    """A look at what more named effects make of a set that may not be the best."""
+
+    def look(pool: Pool, _: FittedSet) -> FittedSet:
+        forward(pool, node, _BEAM_AGAIN, _FITS_AGAIN, named)
+        return pool.best()
+
+    return look
 
 
 def again(pool: Pool, _: FittedSet) -> FittedSet:
