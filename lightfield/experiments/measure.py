@@ -194,7 +194,9 @@ def _noise_free(truth: Scene, table: Readings, bright: Array) -> Array:
     full = 1.0
     for _ in range(60):
         clean = SceneForward(truth, table, full=full).reader.read(bright, gains)
-        full = float(clean.max())
+        full, before = float(clean.max()), full
+        if full == before:  # nothing moves any more; without saturation the second time
+            break
     return clean
 
 
