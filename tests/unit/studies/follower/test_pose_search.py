@@ -27,17 +27,25 @@ NOISE, FIVE, BOX = SensorNoise(brightest=0.01), POSE[:5], box_of(Space(0.4, 4.5,
 def scipys(readings: np.ndarray, variance: np.ndarray, start: np.ndarray, prior: float) -> float:
     """Least chi-square from one start; the logarithm of the gain is held, known so well, or free."""
 
-    def residual(q: np.ndarray) -> np.ndarray:
-        gain = q[5] if prior else 0.0
-        read = MODEL.readings(np.append(q[:5], 0.0)[None])[0]
-        return np.append((readings - np.exp(gain) * read) / np.sqrt(variance), gain / prior if prior else 0.0)
+    def residuals(q: np.ndarray) -> np.ndarray:
+        """Of several at once, shape (n, 5 or 6)."""
+        gain = q[:, 5:] if prior else np.zeros((len(q), 1))
+        read = MODEL.readings(np.column_stack([q[:, :5], np.zeros(len(q))]))
+        known = gain / prior if prior else gain
+        return np.column_stack([(readings - np.exp(gain) * read) / np.sqrt(variance), known])
+
+    def slopes(q: np.ndarray) -> np.ndarray:
+        """Central differences, of all coordinates at once: SciPy asks for one reading after the other."""
+        step = np.cbrt(np.finfo(float).eps) * np.maximum(np.abs(q), 1.0)
+        around = residuals(np.concatenate([q + np.diag(step), q - np.diag(step)]))
+        return ((around[: len(q)] - around[len(q) :]) / (2 * step[:, None])).T
 
     low, high = BOX[0][:5], BOX[1][:5]
     if prior:
         low, high = np.append(low, -50.0), np.append(high, 50.0)
     found = optimize.least_squares(
-        residual, np.append(start[:5], [0.0] if prior else []), "3-point", bounds=(low, high), x_scale="jac",
-        xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=300,
+        lambda q: residuals(q[None])[0], np.append(start[:5], [0.0] if prior else []), slopes,
+        bounds=(low, high), x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=300,
     )  # fmt: skip
     return float(2 * found.cost)
 
