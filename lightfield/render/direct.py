@@ -57,27 +57,35 @@ def direct_at(
     emission, lamp = setup.emission, scene.lamp
     n, window = len(x), points_of_disc(lamp.radius_m)
     points = len(window[0])
-    window_x, window_y = (np.repeat(v, n) for v in window)
-    origin = mi.Point3f(
-        mi.Float(lamp.offset_x_m + window_x), mi.Float(lamp.offset_y_m + window_y), -lamp.apparent_distance_m
-    )
-    target = mi.Point3f(*(mi.Float(np.tile(v, points)) for v in (x, y, z)))
+    # As variables: another lamp and each wavelength of a spectrum need no kernel of their own. Nor does where
+    # NumPy has put an array in memory, which Dr.Jit writes into a kernel that loads from there.
+    aside_x, aside_y, behind, index, more_per_m = (
+        dr.opaque(mi.Float, float(value))
+        for value in (
+            lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m, lamp.window_index if in_air else 1.0,
+            attenuation_per_m - setup.water.absorption_per_m,
+        )
+    )  # fmt: skip
+    ray_number, receivers = dr.arange(mi.UInt32, points * n), dr.opaque(mi.UInt32, n)
+    spot, place = ray_number // receivers, ray_number % receivers
+    spot_x, spot_y = (dr.gather(mi.Float, mi.Float(v.tolist()), spot) for v in window)
+    origin = mi.Point3f(aside_x + spot_x, aside_y + spot_y, -behind)
+    target = mi.Point3f(*(dr.gather(mi.Float, mi.Float(v.tolist()), place) for v in (x, y, z)))
     ray = target - origin
     distance = dr.norm(ray)
     direction = mi.Vector3f(ray / distance)
     # In the water the ray runs from the window plane to the receiver.
-    in_water = beyond_window(distance, target.z, lamp.apparent_distance_m)
+    in_water = beyond_window(distance, target.z, behind)
     start = mi.Point3f(target - direction * in_water)
     theta_x, theta_y = emission.angles(direction)
-    index = lamp.window_index if in_air else 1.0
     intensity = through_window(emission.intensity, theta_x, theta_y, index)
     depth = mi.Float(0)
     if not in_air:
         depth = Absorption(setup.water).depth(start, direction, in_water)
-        depth += (attenuation_per_m - setup.water.absorption_per_m) * in_water
+        depth += more_per_m * in_water
         depth -= hardening_depth(scene.water, in_water)
     seen = ~setup.mitsuba_scene.ray_test(mi.Ray3f(mi.Ray3f(start, direction), in_water * (1 - 1e-4)))
-    to_lamp = mi.Vector3f(lamp.offset_x_m - target.x, lamp.offset_y_m - target.y, -target.z)
+    to_lamp = mi.Vector3f(aside_x - target.x, aside_y - target.y, -target.z)
     response = setup.planes.point_response(direction, to_lamp)
     light = dr.select(seen, intensity * response * dr.exp(-depth) / (distance * distance), 0)
     found = np.array(light, dtype=float).reshape(points, n).mean(axis=0)

@@ -14,6 +14,7 @@ from beams import aside, ies
 from montecarlo import cell_average, chi_square_p, normal_scores
 
 from lightfield.formula.closed_form import direct_field
+from lightfield.render.backend import use_backend
 from lightfield.render.direct import direct_at, points_of_disc
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.scene import Scene
@@ -182,3 +183,20 @@ def test_a_tilted_beam_sends_nothing_behind_it() -> None:
     degrees = np.degrees(np.arctan2(x, z)) - 60.0
     expected = np.where(np.abs(degrees) < 90, 0.5 ** ((degrees / 60.0) ** 2), 0.0) / (x * x + 1.0)
     np.testing.assert_allclose(direct_at(scene, x, 0 * x, z, 0.0), expected, rtol=1e-4)
+
+
+def test_another_wavelength_lamp_and_place_in_memory_need_no_new_kernel() -> None:
+    """Dr.Jit writes numbers of Python, and how an array lies in memory, into what it compiles."""
+    use_backend()
+    import drjit as dr
+
+    def kernels(lamp: dict[str, float], attenuation_per_m: float, x: np.ndarray) -> set[int]:
+        dr.kernel_history_clear()
+        with dr.scoped_set_flag(dr.JitFlag.KernelHistory, True):
+            direct_at(Scene.from_dict({"lamp": lamp}), x, 0 * x, x + 2.0, attenuation_per_m)
+        return {kernel["hash"] for kernel in dr.kernel_history([dr.KernelType.JIT])}
+
+    places = np.linspace(0.0, 1.0, 41)
+    first = kernels({"radius_m": 0.02}, 0.1, places[:40])
+    aside = {"radius_m": 0.03, "offset_x_m": 0.1, "apparent_distance_m": 0.2}
+    assert first and kernels(aside, 0.2, places[1:]) == first
