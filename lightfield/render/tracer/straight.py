@@ -159,12 +159,12 @@ def _to_cells(launch: Launch) -> None:
     """Lines that lead to places in every cell."""
     emission, planes, digits = launch.problem.emission, launch.problem.planes, launch.digits
     index = dr.arange(mi.UInt32, len(planes.listed) << digits)
-    number = dr.gather(mi.UInt32, planes.listed, index >> digits)
+    # As variables: another number of lines, as for other cells, needs no new kernel.
+    shift, within = dr.opaque(mi.UInt32, digits), dr.opaque(mi.UInt32, (1 << digits) - 1)
+    number = dr.gather(mi.UInt32, planes.listed, index >> shift)
     rng = _streams(launch.seed, launch.first, index)
-    key = _key(launch.seed, launch.first)
-    u, v = _spread(
-        index & ((1 << digits) - 1), digits, mi.sample_tea_32(dr.opaque(mi.UInt32, key), number), rng
-    )
+    turns = mi.sample_tea_32(dr.opaque(mi.UInt32, _key(launch.seed, launch.first)), number)
+    u, v = _spread(index & within, digits, turns, rng)
     place, cell = planes.place(number, u, v)
     ray = place - emission.on_window(rng.next_float32(), rng.next_float32())
     full = dr.norm(ray)
@@ -213,10 +213,10 @@ def _spread(
     Hammersley's: every rectangle of one part in so many has one, here anywhere in it. Which has which is
     drawn anew for every cell and launch, by its `turns`: errors are independent.
     """
-    kept = ((1 << digits) - 1) << (32 - digits)
-    plain = index << (32 - digits), dr.brev(index)
+    shift, kept = (dr.opaque(mi.UInt32, n) for n in (32 - digits, ((1 << digits) - 1) << (32 - digits)))
+    plain = index << shift, dr.brev(index)
     u, v = (mi.Float((at ^ turn) & kept) * 2.0**-32 for at, turn in zip(plain, turns, strict=True))
-    part = 2.0**-digits
+    part = dr.opaque(mi.Float, 2.0**-digits)
     return u + part * rng.next_float32(), v + part * rng.next_float32()
 
 
