@@ -1,13 +1,11 @@
-"""Bandwidth of the traced paths: a closed form, photons walked in NumPy, and whether its error is honest."""
+"""Bandwidth of traced paths against a closed form, and whether its error is honest."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from plain_walk import Arrived, walk
 from scipy.optimize import brentq
 
-from lightfield.formula.closed_form import direct_field
 from lightfield.scene import Scene
 from lightfield.scene.water.molecular import refractive_index
 from lightfield.studies.link.bandwidth import (
@@ -19,9 +17,8 @@ from lightfield.studies.link.bandwidth import (
     between_nodes,
     coarser,
 )
-from lightfield.studies.link.study import Link, link
+from lightfield.studies.link.study import link
 
-Z = (10.0, 20.0, 30.0)
 SECONDS_PER_M = GROUP_INDEX / LIGHT_M_PER_S
 
 
@@ -100,46 +97,6 @@ def test_a_distance_where_no_photon_arrived_does_not_lift_the_limit_before_it() 
     width, _ = between_nodes(asked, nodes, np.array([np.inf, 1e9, np.inf, 1e8, np.inf]), 0.1 * nodes)
     assert np.isinf(width[0]) and width[1] == pytest.approx(1e9)
     assert 1e8 < width[2] < 1e9 and width[3] == pytest.approx(1e8) and np.isnan(width[4])
-
-
-def walked(arrived: Arrived, direct: float, receiver: int) -> tuple[float, float]:
-    """Bandwidth and error from each photon's own path: nothing is binned but delays within 0.5 %."""
-    delay = arrived.excess_m * SECONDS_PER_M
-    kind = np.round(np.log(np.maximum(delay, 1e-18)) / 5e-3).astype(int)
-    f = np.geomspace(1e8, 1e10, 250)
-
-    def of(some: np.ndarray, scale: float) -> float:
-        at, which = np.unique(kind[some], return_inverse=True)
-        weight = scale * np.bincount(which, arrived.weight[some])
-        turned = np.exp(-2j * np.pi * np.outer(f, np.exp(5e-3 * at))) @ weight
-        transfer = np.abs(direct + turned) / (direct + weight.sum())
-        k = int(np.flatnonzero(transfer < HALF_POWER)[0])
-        return float(np.exp(np.interp(HALF_POWER, transfer[[k, k - 1]], np.log(f[[k, k - 1]]))))
-
-    mine, n = arrived.receiver == receiver, arrived.batches
-    parts = [of(mine & (arrived.batch != k), n / (n - 1)) for k in range(n)]
-    return of(mine, 1.0), float(np.sqrt((n - 1) / n * np.sum((parts - np.mean(parts)) ** 2)))
-
-
-@pytest.fixture(scope="module")
-def murky() -> Link:
-    return link(scene(0.15), waters={}, max_photons=1e6, rel_error=1e-3, to_m=40.0)
-
-
-@pytest.fixture(scope="module")
-def arrived() -> Arrived:
-    return walk(0.05, 0.15, 0.92, Z[:2], 3.81, 50_000, seed=2)
-
-
-@pytest.mark.parametrize("receiver", [0, 1])
-def test_bandwidth_of_photons_walked_in_numpy(murky, arrived, receiver) -> None:
-    """In steps that absorption asks for it was 10 % off, and stated 1 %."""
-    direct = direct_field(scene(0.15), np.zeros(1), np.zeros(1), np.array(Z[receiver : receiver + 1]))
-    right, error = walked(arrived, float(direct[0]), receiver)
-    at = murky.dataset.isel(water=0).interp(z_m=Z[receiver])
-    found, stated = float(at.bandwidth_hz), float(at.bandwidth_stderr_hz)
-    assert abs(found - right) < 3.5 * np.hypot(error, stated)
-    assert stated < 0.1 * found and error < 0.05 * right
 
 
 @pytest.mark.slow
