@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,7 +183,7 @@ class AdequacyTest:
             self._seen = self._unknown(replicates), squares
         unknown, squares = self._seen
         views = _Views(_moved(fit), scores, self.unknowns, int(self.problem.keep.sum()))
-        chance = views.p_values(replicates, unknown, squares)[0].min(0)
+        chance = views.least_p(replicates, unknown, squares)
         residual = fit.residual[:, None]
         seen_p, labels, phi = views.p_values(residual, self._unknown(residual), (residual**2).sum(0))
         worst = float(seen_p.min())
@@ -241,6 +242,9 @@ class _Views:
         self.scores = [s for s in scores if s.testable]
         self._free = free
         self._directions = np.hstack([*(s.direction for s in self.scores), np.zeros((len(free), 0))])
+        ends = np.cumsum([0, *(s.direction.shape[1] for s in self.scores)]).tolist()
+        #: Of these the ones of every score.
+        self._rows = [slice(*between) for between in pairwise(ends)]
         rest = {name: beside(free, columns) for name, columns in unknowns.items()}
         self._fitted = {name: columns.T @ free for name, columns in unknowns.items()}
         #: Columns of each scan that the fit leaves visible, and their lengths.
@@ -304,6 +308,36 @@ class _Views:
         squares : array, shape (m,)
             Their sums of squares.
         """
+        nu, (directions, phi, rest) = self.nu, self._seen(residuals, unknown, squares)
+        best: dict[object, Array] = {}
+        for score, rows in zip(self.scores, self._rows, strict=True):
+            if (rows.stop - rows.start) == 1:
+                z = directions[rows.start] / np.sqrt(phi)
+                sign = _only_sign(score)
+                p = 2 * special.stdtr(nu, -np.abs(z)) if sign is None else _one_tail(nu, sign * z)
+            else:
+                p = _p_together(nu, directions[rows], phi)
+            best[score.key] = np.minimum(best[score.key], p) if score.key in best else p
+        return np.stack([*best.values(), *rest.values()]), [*best, *rest], phi
+
+    def least_p(self, residuals: Array, unknown: Mapping[str, Array], squares: Array) -> Array:
+        """The least of `p_values`, shape (m,): of tests alike that of the largest statistic is worked out."""
+        nu, (directions, phi, rest) = self.nu, self._seen(residuals, unknown, squares)
+        either, one_tail, found = np.zeros_like(phi), np.zeros_like(phi), [*rest.values()]
+        for score, rows in zip(self.scores, self._rows, strict=True):
+            if (rows.stop - rows.start) > 1:
+                found.append(_p_together(nu, directions[rows], phi))
+            elif (sign := _only_sign(score)) is not None:
+                one_tail = np.maximum(one_tail, sign * directions[rows.start])
+            else:
+                either = np.maximum(either, np.abs(directions[rows.start]))
+        found += [_one_tail(nu, one_tail / np.sqrt(phi)), 2 * special.stdtr(nu, -either / np.sqrt(phi))]
+        return np.asarray(np.min(found, axis=0))
+
+    def _seen(
+        self, residuals: Array, unknown: Mapping[str, Array], squares: Array
+    ) -> tuple[Array, Array, dict[object, Array]]:
+        """Projections on every score's direction, the scale of the pure error, and p of spans and scans."""
         nu = self.nu
         fitted, directions = (_products(each, residuals) for each in (self._free, self._directions))
         seen = {name: unknown[name] - self._fitted[name] @ fitted for name in unknown}
@@ -314,26 +348,30 @@ class _Views:
         if not self.scale_taken:
             reached = ((self._reach.T @ every) ** 2).sum(0)
             phi = np.maximum(total - reached, _ROUNDING * total + TINY) / nu
-        best: dict[object, Array] = {}
-        first = 0
-        for score in self.scores:
-            projected = directions[first : (first := first + score.direction.shape[1])]
-            q = len(projected)
-            if q == 1:
-                z = projected[0] / np.sqrt(phi)
-                if score.template.candidate.one_sided:
-                    sign = np.sign(score.to_amplitude[np.abs(score.to_amplitude).argmax()])
-                    p = np.where(sign * z > 0, special.stdtr(nu, -sign * z), 1.0)
-                else:
-                    p = 2 * special.stdtr(nu, -np.abs(z))
-            else:
-                p = special.fdtrc(q, nu, (projected**2).sum(0) / q / phi)
-            best[score.key] = np.minimum(best[score.key], p) if score.key in best else p
+        rest: dict[object, Array] = {}
         for name, basis in self._spans.items():
-            if q := basis.shape[1]:
-                best["~" + name] = special.fdtrc(q, nu, ((basis.T @ every) ** 2).sum(0) / q / phi)
+            if basis.shape[1]:
+                rest["~" + name] = _p_together(nu, basis.T @ every, phi)
         for name, projected in scanned.items():
             if k := len(projected):
                 z = np.abs(projected).max(0) / np.sqrt(phi)
-                best["~" + name] = np.minimum(2 * k**_SCAN_POWER * special.stdtr(nu, -z), 1.0)
-        return np.stack(list(best.values())), list(best), phi
+                rest["~" + name] = np.minimum(2 * k**_SCAN_POWER * special.stdtr(nu, -z), 1.0)
+        return directions, phi, rest
+
+
+def _only_sign(score: Score) -> float | None:
+    """That of the direction in which alone an effect can be; none where it can be in both."""
+    if not score.template.candidate.one_sided:
+        return None
+    return float(np.sign(score.to_amplitude.flat[np.abs(score.to_amplitude).argmax()]))
+
+
+def _one_tail(nu: int, z: Array) -> Array:
+    """p of a statistic that counts in one direction alone, shape (m,); 1 in the other."""
+    return np.where(z > 0, special.stdtr(nu, -z), 1.0)
+
+
+def _p_together(nu: int, projected: Array, phi: Array) -> Array:
+    """p of several directions together, shape (q, m), by the F test."""
+    q = len(projected)
+    return np.asarray(special.fdtrc(q, nu, (projected**2).sum(0) / q / phi))

@@ -53,6 +53,17 @@ def test_a_score_is_the_t_test_of_a_regression() -> None:
         assert found.tests[score.key] == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.parametrize("one_sided", [False, True])
+def test_the_least_p_of_all_tests_is_that_of_one_after_the_other(one_sided: bool) -> None:
+    """Of noise it is worked out from the largest statistics; here each is tested as if it were readings."""
+    made = toy(one_sided)
+    fit, noise = made.fit(made.problem), replicates(made, 60)
+    for some in (noise[:, :20], noise[:, 20:40], noise[:, 40:]):
+        test = made.test(made.problem, some)
+        each = [min(test(replace(fit, residual=column)).tests.values()) for column in some.T]
+        assert test(fit).critical_p == pytest.approx(np.quantile(each, ALPHA), rel=1e-9)
+
+
 def test_an_effect_of_one_sign_has_no_score_of_the_other() -> None:
     """Its p is that of one tail, and 1 where the readings ask for less than nothing (Chernoff 1954)."""
     made, both = toy(one_sided=True), toy()
