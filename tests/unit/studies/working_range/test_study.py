@@ -84,7 +84,7 @@ def test_the_spot_of_a_table_is_that_of_the_beam_that_is_tabulated(tmp_path) -> 
 def test_the_spot_of_what_ends_steeply_ends_there(parts: dict, half_deg: float) -> None:
     """A flat beam, and a tube that sees the lamp within 1 degree alone: no smooth curve leads to nothing."""
     base = scene(**parts)
-    trace = partial(response_for, share=0.05)
+    trace = partial(response_for, share=0.05, photons=100_000)
     for found in (working_range(base, None), working_range(base, trace, photons=1e4, to_m=6.0)):
         ratio = found.dataset.half_radius_m / found.dataset.z_m
         np.testing.assert_allclose(ratio, np.tan(np.radians(half_deg)), rtol=0.02)
@@ -227,11 +227,13 @@ def test_smooth_light_of_walls_alone_stays_by_the_direct_light() -> None:
     water = {"absorption_per_m": 0.06, "scattering_per_m": 0.0}
     tank = {"width_m": 4.0, "depth_m": 3.0, "length_m": 20.0, "wall_albedo": 0.1, "surface": "flat"}
     base = Scene.from_dict({"lamp": {"hwhm_deg": 5.0}, "water": water, "tank": tank})
-    light = smooth_light(base, 1.5, 16.0, 0.3, 4e5)
+    light = smooth_light(base, 1.5, 16.0, 0.3, 1.5e5)
     place = np.array([[0.0, 0.0, 1.6], [0.2, 0.1, 1.6], [0.0, -0.3, 2.5], [0.2, 0.0, 5.0], [0.0, 0.2, 9.0]])
     normal = np.array([[0, 0, -1.0], [0.3, 0, -0.954], [0, 0.5, -0.866], [0.3, 0, -0.954], [0, 0, -1.0]])
     smooth, error = light.irradiance(place, normal)
-    traced, noise = traced_field(base, Region(0.64, 1.4, 16.0), photons=4e5, seed=1).irradiance(place, normal)
+    traced, noise = traced_field(base, Region(0.64, 1.4, 16.0), photons=1.5e5, seed=1).irradiance(
+        place, normal
+    )
     axis = light.reading(place * [0, 0, 1], np.tile([0, 0, -1.0], (5, 1)))
     assert np.all(np.abs(smooth - traced) < 3.5 * np.hypot(error, noise) + 0.003 * axis)
 
