@@ -6,11 +6,14 @@ Which room may import from which is held by `lint-imports` (see `pyproject.toml`
 from __future__ import annotations
 
 import ast
+import gc
 import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+
+import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / "lightfield"
 MODULES, TESTS = (sorted(folder.rglob("*.py")) for folder in (PACKAGE, PACKAGE.parent / "tests"))
@@ -39,6 +42,15 @@ BARE = PACKAGE / "cli.py"
 #: Classes of plugins are made for a variant of Mitsuba, which is chosen first.
 OF_A_VARIANT = {"render/plugins/registration.py", "render/xml.py"}
 OPTION = re.compile(r"(?<![-\w])--?[a-z]")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def trees_are_no_garbage() -> Iterator[None]:
+    """Python would search them over and over: half of the time."""
+    gc.disable()
+    yield
+    gc.enable()
+    tree.cache_clear()
 
 
 @cache
