@@ -6,18 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_pool import more_waves, pool_of, toy
-from toy_problem import Toy, layout
+from toy_pool import many, more_waves, pool_of, toy
+from toy_problem import Linear, Toy, candidate, curve, layout
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.pool import looks
+from lightfield.diagnosis.search.pool import any_number, looks
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.looks import everything
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.effects import Effect, Form, Free
+from lightfield.fitting.least_squares import Fit
 
 
 def with_scattering(**hidden: float) -> tuple[Toy, Problem, dict[str, Candidate]]:
@@ -97,3 +98,35 @@ def test_an_effect_whose_light_is_no_number_is_no_part_of_a_proposal() -> None:
     pool._scores[base.key] = tuple(wild), amplitudes
     linear_backward(pool, base, everything, fits=1)
     assert pool.best().names == {"odd", "dusk", "braid"}
+
+
+def test_the_best_set_that_scatters_leads_to_its_own_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A curve of two terms imitates scattered light of 20 sigma without fault, and in light of other water
+    the true set costs more; in light traced where that lies it costs less."""
+    lay = layout()
+    half, apart = 0.5 * more_waves(lay)["fringe"], np.sin(3 * lay.z_m) * lay.x_m
+    columns = more_waves(lay) | {"profile0": half + apart, "profile1": half - apart}
+    effects = [candidate(name) for name in more_waves(lay)] + curve("profile", (2,), ("round",))
+    made, free = Toy.of(effects, columns, lay), (Free("water.scattering_per_m", 0.0, 2.0, 0.02),)
+    diffuse = Effect("fringe", "toy", (Form("linear", free),), "", "", "")
+    drawn = made.drawn(np.random.default_rng(1), odd=20.0, fringe=20.0)
+    every = tuple(replace(c, effect=diffuse) if c.name == "fringe" else c for c in drawn.candidates)
+    assert isinstance(drawn.forward, Linear)
+    right, astray = drawn.forward.columns, 0.06 * made.sigma * np.cos(7 * lay.x_m)
+    clear = Linear(right | {"toy.fringe": right["toy.fringe"] + astray})
+    traced = []
+
+    def following(problem: Problem, fit: Fit, seed: int) -> Problem:
+        traced.append(fit.paths)
+        return replace(problem, forward=Linear(right))
+
+    for name, value in (
+        ("can_follow", lambda _: True), ("scatters", lambda _, fit: "toy.fringe" in fit.paths),
+        ("following", following),
+    ):  # fmt: skip
+        monkeypatch.setattr(any_number, name, value)
+    problem = replace(drawn, candidates=every, forward=clear)
+    before = pool_of(made, problem)
+    assert looks.first(before, before.best()).names == {"odd", "profile"}
+    found = many(made, problem)
+    assert traced and found.best.names == {"odd", "fringe"}
