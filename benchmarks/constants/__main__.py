@@ -120,7 +120,7 @@ def changed(module: Any, name: str, value: object) -> Iterator[None]:
 def of_reflections(name: str) -> list[float]:
     """Largest and mean change, %, by each constant."""
     scene, where = scene_of(name), places(PLANES)
-    nodes, _ = room.between_nodes(np.array([scene.water.absorption_per_m + 1e-6]))
+    nodes, _ = room.between_attenuations(np.array([scene.water.absorption_per_m + 1e-6]))
     c = 0.5 * (nodes[1] + nodes[2])
 
     def light() -> np.ndarray:

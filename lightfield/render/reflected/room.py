@@ -129,7 +129,7 @@ class Room:
         dim = FLOOR_NODES if share != 1 else (1.0,)
         shares = [(1.0, d) if share <= 1 else (d, 1.0) for d in dim]
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
-        nodes, along_c = between_nodes(attenuation_per_m)
+        nodes, along_c = between_attenuations(attenuation_per_m)
         under = [(m, w, reflections_of(albedo)) for w in shares for m in mirrors]
         known, every = self._known(lamp), []
         asked = [[(c, *each) for c in nodes] for each in under]
@@ -284,7 +284,7 @@ def _facing_back(direction: Sequence[np.ndarray], which: np.ndarray) -> np.ndarr
     return np.maximum(direction[2], 0.0)
 
 
-def between_nodes(attenuation_per_m: np.ndarray) -> tuple[list[float], np.ndarray]:
+def between_attenuations(attenuation_per_m: np.ndarray) -> tuple[list[float], np.ndarray]:
     """Cubic interpolation at several attenuations between the four nodes that are next to each.
 
     Returns

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield.render.reflected.patches import Patches, closed, transfer
-from lightfield.render.reflected.room import between_nodes, lagrange
+from lightfield.render.reflected.room import between_attenuations, lagrange
 
 
 def wall(axis: int, at: float, normal: float, edge: int = 16) -> Patches:
@@ -92,7 +92,7 @@ def test_cubics_are_interpolated_exactly() -> None:
         return 1.0 - 2.0 * c + 30.0 * c**2 - 100.0 * c**3
 
     at = np.array([0.0, 0.013, 0.14, 0.15, 0.16, 0.1875, 0.9])
-    nodes, weights = between_nodes(at)
+    nodes, weights = between_attenuations(at)
     assert nodes == sorted(set(nodes)) and {0.125, 0.15, 0.2}.issubset(nodes) and 0.175 not in nodes
     assert weights @ curve(np.array(nodes)) == pytest.approx(curve(at), rel=1e-9)
     mirrors = np.array([0.0, 0.5, 1.0, 1.5])
