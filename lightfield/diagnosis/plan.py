@@ -93,12 +93,11 @@ class LayoutPlan:
     assumed: tuple[Assumed, ...]
 
 
-def planned(readings: Readings, scene: Scene) -> Readings:
-    """A layout with the scene's prediction as values and assumed errors where there are none.
+def planned(readings: Readings, forward: SceneForward) -> Readings:
+    """A layout with the light of a scene as values and assumed errors where there are none.
 
     The largest value is 1 on a relative scale.
     """
-    forward = SceneForward(scene, readings)
     light = forward.predict({})
     brightest = float(light.max())
     if not 0 < brightest < np.inf:
@@ -111,6 +110,17 @@ def planned(readings: Readings, scene: Scene) -> Readings:
     stderr = np.asarray(readings.stderr, float)
     guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR * value.max())
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
+
+
+def lit(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> tuple[Readings, SceneForward]:
+    """A layout with all light of a scene as values, and what predicts it.
+
+    Photons are sent in a beam as wide as its direct light shows.
+    """
+    direct = planned(readings, SceneForward(scene, readings))
+    forward = SceneForward(scene, direct, diffuse)
+    table = planned(readings, forward)
+    return table, forward.read_as(table)
 
 
 def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None) -> LayoutPlan:
@@ -133,16 +143,17 @@ def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None)
 def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> LayoutPlan:
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
-    layout_table = planned(readings, scene)
     source, reason = source_of(scene, diffuse, readings)
-    forward = SceneForward(scene, layout_table, source)
+    layout_table, forward = lit(readings, scene, source)
     problem, untestable = problem_of(forward, layout_table, list(effects.all_of(scene).values()), reason)
     budget = budget_of(replace(layout_table, stderr=readings.stderr))
     base = problem.fit((), _identity, [problem.model().start])
-    lit = scattering(problem, base)
-    if lit is not None and can_follow(problem):
+    turbid = scattering(problem, base)
+    if turbid is not None and can_follow(problem):
         # Slopes with the noise of photons in them would pass for information.
-        problem = following(problem, lit, _SEED)
+        problem = following(problem, turbid, _SEED)
+        layout_table = planned(readings, problem.forward)
+        problem = replace(problem, value=layout_table.value)
         base = problem.fit((), _identity, [base.u])
     slope = budget.position_slope(forward, base.values)
     sigma = own_part(layout_table.stderr, problem.layout.common * layout_table.value)

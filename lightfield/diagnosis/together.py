@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.expected import LIKELY, Expected, Together
-from lightfield.diagnosis.plan import planned
+from lightfield.diagnosis.plan import lit
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -110,11 +110,10 @@ def _together(
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     known = [*effects.all_of(scene).values(), *effects.curves().values()]
-    table = planned(readings, scene)
     steps = 2 + len(names)
     with step(0, steps, "light of the layout"):
         source, reason = source_of(scene, diffuse, readings)
-        forward = SceneForward(scene, table, source)
+        table, forward = lit(readings, scene, source)
         problem, untestable = problem_of(forward, table, known, reason)
         problem = problem.with_curves()
         chosen = _chosen(problem, untestable, names)

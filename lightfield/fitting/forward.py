@@ -88,6 +88,10 @@ class SceneForward:
         """The same near some values, for slopes: scattered and reflected light does not follow the lamp."""
         return self.with_light(self.light.holding(values))
 
+    def read_as(self, readings: Readings) -> SceneForward:
+        """The same light, at the same places, read as in another table: curves are laid out by its values."""
+        return SceneForward(self.scene, readings, light=self.light.read_as(readings))
+
     def with_light(self, light: LightSource) -> SceneForward:
         """The same instrument in other light, at its places and of its scene."""
         return SceneForward(light.scenes.scene, light.readings, full=self.reader.full, light=light)

@@ -89,6 +89,10 @@ class LightSource:
         """The same, whose scattered and reflected light does not follow the lamp's small changes."""
         return replace(self, held=(self, self.rest(values), _diffuse(values)))
 
+    def read_as(self, readings: Readings) -> LightSource:
+        """The same with curves as another table of the same places lays them out."""
+        return replace(self, scenes=replace(self.scenes, curves=Curves(self.scenes.scene, readings)))
+
     def following(self, diffuse: Diffuse) -> LightSource:
         """The same with other scattered and reflected light at the readings."""
         return replace(self, diffuse=replace(self.diffuse, followed=diffuse))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.plan import LayoutPlan, plan, planned
+from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -28,7 +29,7 @@ def layout(**more: object) -> Readings:
 
 def known(table: Readings, error: float, brightest: float) -> Readings:
     """With errors in per cent and of the dark, which belongs to a brightest reading."""
-    value = planned(table, SCENE).value
+    value = planned(table, SceneForward(SCENE, table)).value
     full = brightest * value.max()
     return replace(table, stderr=np.hypot(error * value, DARK * error * full))
 
@@ -55,7 +56,7 @@ def test_what_is_promised_of_more_readings_comes_true(error: float) -> None:
     assert made.helpful
     for k, helpful in enumerate(made.helpful):
         more = with_advice(table, made, k)
-        value = planned(more, SCENE).value
+        value = planned(more, SceneForward(SCENE, more)).value
         later = plan(known(more, error, value[: len(table)].max() / value.max()), SCENE).isolability
         now, then = [], []
         for one, two in (helpful.between, helpful.between[::-1]):
