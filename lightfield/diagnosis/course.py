@@ -336,6 +336,6 @@ def _judged(known: Knowledge) -> Outcome:
     if finding.best is not None:
         finding = replace(finding, errors_of_set=finding.best.errors)
     if also is not None:
-        finding = replace(finding, accepted=[also.widened(finding.accepted[0]), *finding.accepted[1:]])
+        finding = also.widened(finding)
     finding = unnamed.in_errors(finding)
     return Outcome(known.now(prepared, finding.open_beside_unknown()), trust, also)

@@ -108,16 +108,23 @@ class ScoredSet:
 
     def reaching(self, values: Mapping[str, float], errors: Mapping[str, float]) -> ScoredSet:
         """The set as it stands, with errors that reach these values with theirs."""
-        wider = dict(self.errors)
-        for path in self.fit.paths:
-            if path in values:
-                reach = np.hypot(np.nan_to_num(errors[path]), values[path] - self.fit.values[path])
-                wider[path] = float(np.fmax(wider.get(path, 0.0), reach))
-        return replace(self, errors=wider)
+        return replace(self, errors=reaching(self.errors, self.fit, values, errors))
 
     def accepted(self, alpha: float) -> bool:
         """Does it leave nothing unexplained?"""
         return self.adequacy is not None and self.adequacy.passes(alpha)
+
+
+def reaching(
+    own: Mapping[str, float], fit: Fit, values: Mapping[str, float], errors: Mapping[str, float]
+) -> dict[str, float]:
+    """Errors of a fit by path, those that it has or larger ones that reach other values with theirs."""
+    wider = dict(own)
+    for path in fit.paths:
+        if path in values:
+            reach = np.hypot(np.nan_to_num(errors[path]), values[path] - fit.values[path])
+            wider[path] = float(np.fmax(wider.get(path, 0.0), reach))
+    return wider
 
 
 def bic(fit: Fit, explanation: Explanation, phi: float, n: int) -> float:

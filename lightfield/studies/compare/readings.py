@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 
@@ -18,9 +18,11 @@ from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
+from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import settle
 from lightfield.diagnosis.search.followed import can_follow, scatters
 from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare_problem
+from lightfield.diagnosis.verdict.best_set.scattered_too import by_hand
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.cautions.plausibility import hints
@@ -47,11 +49,18 @@ _WORTH_PRINTING = 0.3
 
 @dataclass(frozen=True)
 class Refit:
-    """A fit, with the problem that it solves and the effects that it sets free."""
+    """A fit, with the problem that it solves and the effects that it sets free.
+
+    Parameters
+    ----------
+    errors : mapping
+        Least errors by path, of light that is itself uncertain, for noise as it is whitened.
+    """
 
     problem: Problem
     explanation: Explanation
     fit: Fit
+    errors: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def forward(self) -> SceneForward:
@@ -74,7 +83,9 @@ class Refit:
         forward = self.forward.with_light(self.forward.light.corrected(light, error, self.fit.values))
         problem = replace(self.problem, forward=forward)
         fit = problem.fit(self.explanation, whiten, [self.fit.u], tolerance=1e-6)
-        return Refit(problem, self.explanation, fit)
+        before = self.fit.values
+        moved = {path: float(np.hypot(e, fit.values[path] - before[path])) for path, e in self.errors.items()}
+        return Refit(problem, self.explanation, fit, moved)
 
 
 @dataclass(frozen=True)
@@ -249,11 +260,12 @@ def fit_readings(
         if not fit.converged:
             cautions.append(_not_converged(fit))
         adequacy = made.test.on(problem)(fit)
+        least = {path: float(np.sqrt(adequacy.phi) * error) for path, error in model.errors.items()}
         sigma, lit = np.sqrt(prepared.noise.variance(1.0, 0.0)), bright(problem)
         return FitReport(
             model,
             solver,
-            estimates(fit, adequacy.phi, units_in(model.forward)),
+            estimates(fit, adequacy.phi, units_in(model.forward), least),
             Statistics(
                 fit.chi2 * made.phi,
                 max(int(problem.keep.sum()) - len(fit.u), 1),
@@ -307,8 +319,14 @@ def _refit(
         problem, fit = there.problem, there.fit
         test = judged(replace(prepared, problem=problem), there.whiten, rng)
         made = replace(made, whiten=there.whiten, test=test)
+    assert isinstance(made.whiten, Whitener)
+    errors: Mapping[str, float] = {}
+    if (told := by_hand(problem, explanation, fit, made.whiten)) is not None:
+        problem, fit, errors = told.problem, told.fit, told.errors
+        test = judged(replace(prepared, problem=problem), told.whiten, rng)
+        made = replace(made, whiten=told.whiten, test=test)
     without = base if explanation else fit
-    return Refit(problem, explanation, fit), prepared, made, without.prediction
+    return Refit(problem, explanation, fit, errors), prepared, made, without.prediction
 
 
 def _starts(problem: Problem, explanation: Explanation, base: Array) -> list[Array]:

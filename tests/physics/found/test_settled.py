@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -9,10 +10,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from benchmarks.scattering_fits.cases import CASES, field, in_the_middle, readings_of
+from benchmarks.scattering_fits.cases import CASES, STAY, field, in_the_middle, readings_of
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem import problem
+from lightfield.diagnosis.verdict.parts import Estimate
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.render.diffuse.followed import FollowedLight
@@ -159,15 +161,31 @@ def test_a_comparison_by_hand_is_settled_too() -> None:
 @pytest.mark.parametrize("scattering", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_a_plan_does_not_hang_on_the_noise_of_a_trace(scattering: bool) -> None:
     """Detection limits from two traces of few photons are the same to 1 %: the light followed has none of
-    their noise, which moves that of scattering by 46 % where the scene scatters, by 9 % where it does not."""
+    their noise, which moves that of scattering by 46 % where the scene scatters, by 9 % where it does not.
+    All but one of the beam's section, whose scattered light is the traced one."""
     case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
     scene = case.believed
     scene = scene.with_values(case.truth) if scattering else scene
     layout = readings_of(case, 0, walk=False)
     one, other = (plan(layout, scene, partial(response_for, photons=60_000, seed=seed)) for seed in (1, 2))
     assert one.limits.keys() == other.limits.keys() >= {"scattering", "beam_shape"}
-    for name, limit in one.limits.items():
-        assert limit.value == pytest.approx(other.limits[name].value, rel=0.01)
+    for name in one.limits.keys() - {"beam_asymmetry"}:
+        assert one.limits[name].value == pytest.approx(other.limits[name].value, rel=0.01), name
+
+
+@pytest.mark.slow
+def test_a_plan_is_about_the_light_that_the_scene_scatters() -> None:
+    """Limits are those of a diagnosis of the walked readings, but for one factor, by which these scatter more
+    than the instrument (their photons). About direct light alone they were 0.5 to 1.7 times as large."""
+    case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
+    scene, layout = case.believed.with_values(case.truth), readings_of(case, 0, walk=False)
+    planned = plan(layout, scene, partial(response_for, photons=300_000, seed=3)).limits
+    found = diagnose(layout, scene, advise=False).verdict.detection_limits
+    of_light = planned.keys() & found.keys() - {"spectral_hardening"}  # a range, not readings, is its limit
+    factor = np.array([planned[name].value / found[name].value for name in of_light])
+    assert len(factor) > 10
+    assert 0.7 < np.median(factor) < 1
+    assert np.all(np.abs(factor / np.median(factor) - 1) < 0.15)
 
 
 @pytest.mark.slow
@@ -188,13 +206,48 @@ def test_between_walls_errors_know_of_scattering_that_is_not_told() -> None:
 
 @pytest.mark.slow
 def test_between_walls_errors_know_of_the_photons_of_what_scatters() -> None:
-    """Of the same water read again, and found to scatter: g was 12 of its errors off in the light that the
-    photons told."""
+    """Of the same water read nine times, and found to scatter: b was 3.6 of its errors off in the light that
+    the photons told."""
     case = next(c for c in CASES if c.walls and not c.cdom)
-    verdict = diagnose(readings_of(case, 0, walk=False), case.believed).verdict
+    each = [readings_of(case, seed, walk=False) for seed in range(9)]
+    mean = np.mean([one.value for one in each], axis=0)
+    stays = replace(each[0].budget, plane_gain_percent=100 * STAY / 3)
+    read = replace(each[0], value=mean, stderr=np.asarray(each[0].stderr) / 3, budget=stays)
+    verdict = diagnose(read, case.believed, advise=False).verdict
     assert set(verdict.best_set) == {"wall_reflection", "scattering"}
-    numbers = verdict.ladder[-1].parameters
-    for path, true in case.truth.items():
-        if path in numbers:
-            assert abs(numbers[path].value - true) < 4 * (numbers[path].stderr or 0.0)
-            assert (numbers[path].stderr or 0.0) < 1.5 * numbers[path].value, "an error that says something"
+    _check(verdict.ladder[-1].parameters, case.truth)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_between_walls_a_comparison_by_hand_knows_of_the_photons_of_what_scatters(seed: int) -> None:
+    """Both set free: by the photons' word b was 0 with an absorption twelve of its errors off, and 0.02 +-
+    0.025. That the readings hardly tell it is in its error."""
+    case = next(c for c in CASES if c.walls and not c.cdom)
+    readings = readings_of(case, seed, walk=False)
+    found = fit_readings(readings, case.believed, ["wall_reflection", "scattering"], diffuse="trace")
+    assert found.model.forward.light.diffuse.followed is not None
+    _check(found.estimates, case.truth, hardly_told="water.scattering_per_m")
+    assert 0.5 < found.statistics.chi2_per_dof < 1.5
+
+
+@pytest.mark.slow
+def test_between_stated_walls_errors_know_of_scattering_where_nothing_is_missing() -> None:
+    """Walls that are stated, and water that scatters: nothing is missing, with an absorption ten of its own
+    errors off. The errors reach what it is with scattering, and that is said."""
+    case = next(c for c in CASES if c.walls and not c.cdom)
+    scene = case.believed.with_values({"tank.wall_albedo": case.walls})
+    verdict = diagnose(readings_of(case, 1, walk=False), scene).verdict
+    assert verdict.verdict == "none"
+    _check(verdict.ladder[-1].parameters, case.truth)
+    (told,) = (one for one in verdict.unnamed if one.effect == "scattering")
+    assert told.in_errors and "water.absorption_per_m" in told.with_it
+
+
+def _check(found: Mapping[str, Estimate], truth: Mapping[str, float], hardly_told: str = "") -> None:
+    """What was found lies within three of its errors, which say something."""
+    known = {path: found[path] for path in truth if path in found}
+    assert len(known) >= 2
+    for path, one in known.items():
+        assert abs(one.value - truth[path]) < 3 * (one.stderr or 0.0), path
+        assert path == hardly_told or (one.stderr or 0.0) < 1.5 * one.value, "an error that says something"

@@ -61,7 +61,8 @@ def in_errors(finding: SearchResult) -> SearchResult:
     to be named, and are averaged over effects that are smaller still, and over other accepted sets."""
     best, level = finding.best, finding.level
     if best is None or best.adequacy is None:
-        return replace(finding, base_errors=with_an_effect_more((), level.base, level.adequacy))
+        wider = with_an_effect_more((), level.base, level.adequacy)
+        return replace(finding, base_errors=largest(finding.base_errors, wider))
     wider = with_an_effect_more(best.explanation, best.fit, best.adequacy)
     best = replace(best, errors=largest(best.errors, wider))
     best = with_longer_curve(finding, with_others([best, *finding.accepted[1:]]))
@@ -72,10 +73,10 @@ def in_errors(finding: SearchResult) -> SearchResult:
 
 def _hardly_told(also: WithScattering, finding: SearchResult, units: dict[str, str]) -> list[Unnamed]:
     """Scattering where it widens an error so many times that a change would be spoken of."""
-    best = finding.best
-    assert best is not None and best.adequacy is not None
-    own, values = best.fit.stderr(best.adequacy.phi), also.fit.values
-    wide = {path for path in own if best.errors[path] > CHANGED * own[path] and not is_gain(path)}
+    best, level = finding.best, finding.level
+    fit, told = (level.base, finding.base_errors) if best is None else (best.fit, best.errors)
+    own, values = fit.stderr(finding.adequacy_of(best).phi), also.fit.values
+    wide = {path for path in own if told[path] > CHANGED * own[path] and not is_gain(path)}
     with_it = {
         path: Estimate(value=values[path], stderr=also.errors[path], unit=units.get(path, "reading"))
         for path in also.fit.paths

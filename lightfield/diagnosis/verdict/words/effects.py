@@ -122,7 +122,7 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
     for one in told:
         if one.effect == _SCATTERING:
             there = ", ".join(f"{path} = {roughly(e)}" for path, e in one.with_it.items())
-            why = "is hardly told from what was found here, and every water has some: with it"
+            why = "is hardly told from what reflects here, and every water has some: with it"
         else:
             there = ", ".join(
                 f"{path} would be {roughly(e)} instead of {values[path].value:.3g}"
