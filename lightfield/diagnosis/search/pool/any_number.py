@@ -143,7 +143,7 @@ class _Asked(NamedTuple):
         prepared: Prepared,
         best: FittedSet,
         tolerance: float,
-        lead: FittedSet | None = None,
+        led: _Led | None = None,
     ) -> _Standing:
         """A search that begins: a pool that holds the base model, what was the best set so far, and what led
         the traces."""
@@ -152,10 +152,19 @@ class _Asked(NamedTuple):
         # Width and absorption of a large set may lie where the base model alone has another minimum.
         pool.finished(pool.fit((), [start, Begin({})]))
         same = pool.finished(pool.fit(best.explanation, [start]))
-        if lead is not None:
-            lead = pool.finished(pool.fit(lead.explanation, [Begin(lead.fit.by_path)]))
+        if led is not None:
+            known = led.found
+            led = _Led(pool.finished(pool.fit(known.explanation, [Begin(known.fit.by_path)])), led.at)
         pool.progress = lambda node: self.progress.tried(1, ground.problem, node.explanation, node.fit)
-        return _Standing(self, data, prepared, tolerance, made, pool, same, lead)
+        return _Standing(self, data, prepared, tolerance, made, pool, same, led)
+
+
+class _Led(NamedTuple):
+    """A set that scatters and is not the best, and its coordinates where the light is traced, shape
+    (n_parameters,)."""
+
+    found: FittedSet
+    at: Array
 
 
 @dataclass(frozen=True)
@@ -174,8 +183,8 @@ class _Standing:
         Tests and sets on the ground of all that; the pool grows.
     best : FittedSet
         Of the pool.
-    traced : FittedSet, optional
-        That scatters, and where the light is traced that is no light of the best set.
+    led : _Led, optional
+        What the light is traced for, where that is no light of the best set.
     """
 
     asked: _Asked
@@ -185,7 +194,7 @@ class _Standing:
     bench: Bench
     pool: Pool
     best: FittedSet
-    traced: FittedSet | None = None
+    led: _Led | None = None
 
     @cached_property
     def adequacy(self) -> Adequacy:
@@ -236,17 +245,21 @@ class _Standing:
         """The same in light traced where the best set lies, or what leads, with noise and outliers as judged
         there; the pool is that of before."""
         data, best, keep = self.data, self.best, self.prepared.problem.keep
-        lead, before = self.lead, self.traced
+        lead, led = self.lead, self.led
         if lead is None:
             data, best = _followed(data, best, self.bench.whiten, keep, seed)
-        elif before is None or before.key != lead.key or lead.fit.away_from(before.fit.u) > _NEAR:
+            led = None
+        elif led is None or led.found.key != lead.key or lead.fit.away_from(led.at) > _NEAR:
             data, lead = _followed(data, lead, self.bench.whiten, keep, seed)
-        return replace(self, data=data, prepared=data.prepared_about(best), best=best, traced=lead)
+            led = _Led(lead, lead.fit.u)
+        else:
+            led = _Led(lead, led.at)
+        return replace(self, data=data, prepared=data.prepared_about(best), best=best, led=led)
 
     def on_ground(self, tolerance: float) -> _Standing:
         """Begun once more, in the light and the noise as they are now."""
-        now = self.asked.on_ground(self.data, self.prepared, self.best, tolerance, self.traced)
-        return now if now.traced is None else now.after(looks.beyond(now.traced))
+        now = self.asked.on_ground(self.data, self.prepared, self.best, tolerance, self.led)
+        return now if now.led is None else now.after(looks.beyond(now.led.found))
 
     def is_elsewhere(self, before: FittedSet) -> bool:
         """Does the best set scatter light that was traced for another, or far from where it lies?"""
