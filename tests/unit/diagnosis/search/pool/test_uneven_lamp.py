@@ -90,7 +90,8 @@ def test_beside_a_curve_as_fine_as_they_go_all_else_is_told() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 7])
 def test_what_a_lamp_with_an_edge_leaves_over_is_no_certain_background(seed: int) -> None:
-    """A trapezoid over the angle, of which smooth curves leave a rest; an offset and a drift besides."""
+    """A trapezoid over the angle, of which smooth curves leave a rest; an offset and a drift besides. Not all
+    is explained, or all is: the curve's advice is given."""
     rng = np.random.default_rng(seed)
     x, z = (v.ravel() for v in np.meshgrid(np.linspace(-1, 1, 31), [3, 4.5, 6, 7.5, 9], indexing="ij"))
     order = rng.permutation(len(x))
