@@ -30,9 +30,10 @@ FLOOR = 0.0025
 SPOTS, REPEATS = 3, 4
 #: Two spots closer than this part of the largest distance are one. Chosen.
 _APART = 0.04
-#: Possible places: how many across and along; from and to which part of the distances that were read; how far
-#: to the sides at least, as a part of the largest distance; and up and down, as a part of that. Chosen.
-_ACROSS, _ALONG, _NEAREST, _FARTHEST, _LEAST_ACROSS, _UP = 17, 12, 0.6, 1.15, 0.1, 0.6
+#: Possible places: how many across on a line, and in a plane, and along; from and to which part of the
+#: distances that were read; how far to the sides at least, as a part of the largest distance; and up and
+#: down, as a part of that. Chosen.
+_ACROSS, _IN_PLANE, _ALONG, _NEAREST, _FARTHEST, _LEAST_ACROSS, _UP = 17, 9, 12, 0.6, 1.15, 0.1, 0.6
 #: Within a tank: parts of its half width and of its length, and metres from floor and top. Chosen.
 _WITHIN_SIDES, _WITHIN_END, _FROM_FLOOR_M = 0.97, 0.98, 0.03
 #: Added to the diagonal of an information matrix, relative and alone, so that it can be solved: rounding.
@@ -67,8 +68,9 @@ def possible_places(problem: Problem, tank: Tank | None) -> PossiblePlaces:
     lay = problem.layout
     least = _LEAST_ACROSS * float(lay.z_m.max())
     across = max(float(np.abs(lay.x_m).max()), float(np.abs(lay.y_m).max()), least)
-    x = np.linspace(-across, across, _ACROSS)
-    y = np.array([-_UP * across, 0.0, _UP * across]) if lay.varies("y_m") else np.array([0.0])
+    x, y = np.linspace(-across, across, _ACROSS), np.array([0.0])
+    if lay.varies("y_m"):
+        x, y = np.linspace(-across, across, _IN_PLANE), _UP * across * np.array([-1.0, 0.0, 1.0])
     z = np.linspace(_NEAREST * float(lay.z_m.min()), _FARTHEST * float(lay.z_m.max()), _ALONG)
     media = np.unique(lay.air.astype(float))
     gx, gy, gz, air = (a.ravel() for a in np.meshgrid(x, y, z, media, indexing="ij"))
