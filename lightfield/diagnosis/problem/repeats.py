@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy import sparse
+from scipy.optimize import brentq, linprog
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, Labels, layout_of
@@ -117,8 +118,12 @@ def plane_gain_error(repeats: Repeats, assumed: float) -> float:
         Value without repeats, which counts as one degree of freedom.
     """
     count = repeats.visits
-    tangent, rest = min(_without_trend(repeats), key=lambda pair: float((pair[1] ** 2).sum()))
-    spread = max(MAD_TO_SIGMA * float(np.median(np.abs(rest))), float(np.median(repeats.stderr)))
+    tangent, rest = min(_without_trend(repeats), key=lambda pair: float(np.abs(pair[1]).sum()))
+    # As many as there are parameters lie on what was taken out.
+    others = np.sort(np.abs(rest))[int(np.linalg.matrix_rank(tangent)) :]
+    if not len(others):
+        return assumed
+    spread = max(MAD_TO_SIGMA * float(np.median(others)), float(np.median(repeats.stderr)))
     kept = np.abs(rest) < _OUTLIER * spread
     tangent, deviation, error = tangent[kept], repeats.deviation[kept], repeats.stderr[kept]
     dof = len(deviation) - int(np.linalg.matrix_rank(tangent))
@@ -139,7 +144,10 @@ def plane_gain_error(repeats: Repeats, assumed: float) -> float:
 
 
 def _without_trend(repeats: Repeats) -> list[tuple[Array, Array]]:
-    """Columns that are taken out, shape (n, k), and what they leave, shape (n,), for every trend in time."""
+    """Columns that are taken out, shape (n, k), and what they leave, shape (n,), for every trend in time.
+
+    The least sum of absolute values is left: of six visits least squares bend to a wild one, and it hides.
+    """
     time = repeats.time_s
     columns = [(repeats.place == k).astype(float) for k in range(int(repeats.place.max()) + 1)]
     trends: list[list[Array]] = [[]]
@@ -153,6 +161,16 @@ def _without_trend(repeats: Repeats) -> list[tuple[Array, Array]]:
     out = []
     for trend in trends:
         tangent = np.stack([*columns, *trend], axis=1)
-        found = np.linalg.lstsq(tangent, repeats.deviation, rcond=None)[0]
-        out.append((tangent, repeats.deviation - tangent @ found))
+        out.append((tangent, _least_left(tangent, repeats.deviation)))
     return out
+
+
+def _least_left(tangent: Array, deviation: Array) -> Array:
+    """What columns, shape (n, k), leave of deviations, shape (n,), with the least sum of absolute values."""
+    n, k = tangent.shape
+    parts = sparse.hstack([sparse.csr_array(tangent), sparse.eye_array(n), -sparse.eye_array(n)], "csr")
+    cost, least = np.r_[np.zeros(k), np.ones(2 * n)], np.r_[np.full(k, -np.inf), np.zeros(2 * n)]
+    found = linprog(
+        cost, A_eq=parts, b_eq=deviation, bounds=np.stack([least, np.full_like(least, np.inf)], 1)
+    )
+    return np.asarray(deviation - tangent @ found.x[:k])
