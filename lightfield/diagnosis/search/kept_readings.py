@@ -22,7 +22,8 @@ _OUTLIER_ROUNDS = 3
 #: What lies within so many standard errors of a fit that was made without it is no outlier. Chosen: of 175
 #: readings one lies farther by chance in four tables of ten.
 _MET = 3.0
-#: Stays of fewer readings, in the mean, have gains that are next to these readings' own errors. Chosen.
+#: Stays of fewer readings, in the mean of those of several, have gains that are next to these readings' own
+#: errors: a wild one hides behind its stay's. Chosen.
 _IN_A_STAY = 4
 
 
@@ -58,8 +59,8 @@ def beside_stays(
     noise = replace(whiten.noise, layout=layout, prediction=fit.prediction, budget=budget)
     stay, gain = noise.stays
     labels, count = np.unique(stay[stay >= 0], return_counts=True)
-    labels = labels[count > 1]
-    if not len(labels) or len(labels) * _IN_A_STAY > layout.size:
+    labels, count = labels[count > 1], count[count > 1]
+    if not len(labels) or count.mean() < _IN_A_STAY:
         return rich
     return orthonormal(np.hstack([rich, whiten((problem.keep * gain)[:, None] * (stay[:, None] == labels))]))
 
