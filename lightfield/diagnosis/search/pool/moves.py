@@ -85,7 +85,10 @@ def _additions(pool: Pool, level: list[FittedSet], allowed: Admits) -> dict[SetK
 def polish(
     pool: Pool, allowed: Admits, rounds: int = ROUNDS, swaps: int = SWAPS, reach: float = REACH
 ) -> FittedSet:
-    """Drops, swaps and additions around the best set until nothing near is better."""
+    """Drops, swaps and additions around the best set until nothing near is better.
+
+    Another form of an effect is fitted whatever it promises, little beside effects that took its part.
+    """
     done: set[SetKey] = set()
     for _ in range(rounds):
         best = best_of(pool, allowed)
@@ -97,8 +100,9 @@ def polish(
         found = _additions(pool, [*around, best], allowed)
         new = sorted((p for key, p in found.items() if key not in pool.nodes), key=lambda p: p.cost)
         limit = pool.cost(best) + reach
-        for promise in new[:swaps]:
-            if promise.cost < limit and _affordable(pool, promise):
+        for rank, promise in enumerate(new):
+            other_form = promise.candidate.name in best.names
+            if (other_form or (rank < swaps and promise.cost < limit)) and _affordable(pool, promise):
                 pool.add(promise)
     return best_of(pool, allowed)
 
