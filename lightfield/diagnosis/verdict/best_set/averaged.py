@@ -27,6 +27,7 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.truncation import slope_errors
+from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import is_gain
 from lightfield.scene.acts import Acts
@@ -40,6 +41,9 @@ _ODDS, _SPREAD = 0.2, 3.0
 #: size. One of the receiver is one of them by another name: a beam's width is that which a receiver with an
 #: acceptance sees. Chosen: two drifts leave a tenth of each other.
 _ABSORBED = 0.05
+#: Beside these curves a parameter is that of what they change: a half width of no light, absorption of no
+#: water.
+_CHANGED = {BEAM_PROFILE: "lamp.hwhm_deg", "attenuation_spectrum": "water.absorption_per_m"}
 #: Readings without noise: their scatter, in units of their errors, is taken for no less. Chosen: rounding.
 _LEAST_NOISE = 1e-6
 #: Exponents are cut here: what weighs more is all. Derived: e^50 loses no digit of what it is added to.
@@ -128,8 +132,14 @@ def with_others(accepted: Sequence[ScoredSet]) -> ScoredSet:
         if other.test is not None:
             for path, error in slope_errors(other, other.test.problem).items():
                 theirs[path] = float(np.hypot(theirs[path], error))
-        others.append((weight, other.fit.values, theirs))
+        same = theirs.keys() - _of_another_meaning(best, other)
+        others.append((weight, other.fit.values, {path: theirs[path] for path in same}))
     return averaged(best, others)
+
+
+def _of_another_meaning(one: ScoredSet, other: ScoredSet) -> set[str]:
+    """Paths of what a curve, which one of two sets has, makes of a parameter: no value of the other's."""
+    return {path for curve, path in _CHANGED.items() if (curve in one.names) != (curve in other.names)}
 
 
 def averaged(
@@ -139,9 +149,9 @@ def averaged(
     values, errors = best.fit.values, dict(best.errors)
     squares, total = {path: error**2 for path, error in errors.items()}, dict.fromkeys(errors, 1.0)
     for weight, theirs, stderr in others:
-        for path, value in theirs.items():
-            if path in squares and np.isfinite(stderr[path]) and not is_gain(path):
-                squares[path] += weight * (stderr[path] ** 2 + (value - values[path]) ** 2)
+        for path, error in stderr.items():
+            if path in squares and np.isfinite(error) and not is_gain(path):
+                squares[path] += weight * (error**2 + (theirs[path] - values[path]) ** 2)
                 total[path] += weight
     return replace(
         best, errors=largest(errors, {path: float(np.sqrt(squares[path] / total[path])) for path in errors})

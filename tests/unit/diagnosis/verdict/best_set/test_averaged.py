@@ -157,3 +157,21 @@ def test_absorption_read_from_near_to_far_knows_that_the_lamp_may_drift() -> Non
     assert found.stderr > 1.5 * fitted.stderr
     # A drift of one per cent in the hour would change it by 0.01 / far.max().
     assert found.stderr > 0.2 * 0.01 / far.max()
+
+
+def test_a_parameter_that_a_curve_of_the_other_set_changes_is_not_averaged(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The slope beside a curve that acts on it is another slope; the level is averaged as ever."""
+    made, best = toy(0.0, 3)
+    (odd, _) = made.problem.candidates
+    problem = best.test.problem
+    fit = problem.fit((odd,), best.test.whiten, [problem.model((odd,)).start])
+    moved = replace(fit, u=fit.u + 5 * np.sqrt(np.diag(fit.covariance())))
+    best = replace(best, errors=best.fit.stderr())
+    other = replace(best, explanation=(odd,), fit=moved, test=None)
+    plain = averaged.with_others([best, other]).errors
+    monkeypatch.setattr(averaged, "_CHANGED", {"odd": "slope"})
+    apart = averaged.with_others([best, other]).errors
+    assert plain["slope"] > 2 * best.errors["slope"] and apart["slope"] == best.errors["slope"]
+    assert plain["level"] == apart["level"] > 2 * best.errors["level"]
