@@ -112,7 +112,9 @@ def planned(readings: Readings, forward: SceneForward) -> Readings:
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
 
 
-def lit(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> tuple[Readings, SceneForward]:
+def planned_in(
+    readings: Readings, scene: Scene, diffuse: DiffuseSource | None
+) -> tuple[Readings, SceneForward]:
     """A layout with all light of a scene as values, and what predicts it.
 
     Photons are sent in a beam as wide as its direct light shows.
@@ -144,7 +146,7 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     readings = readings.check_against(scene)
     scene = spectral(scene, readings)
     source, reason = source_of(scene, diffuse, readings)
-    layout_table, forward = lit(readings, scene, source)
+    layout_table, forward = planned_in(readings, scene, source)
     problem, untestable = problem_of(forward, layout_table, list(effects.all_of(scene).values()), reason)
     budget = budget_of(replace(layout_table, stderr=readings.stderr))
     base = problem.fit((), _identity, [problem.model().start])

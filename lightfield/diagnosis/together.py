@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.expected import LIKELY, Expected, Together
-from lightfield.diagnosis.plan import lit
+from lightfield.diagnosis.plan import planned_in
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
@@ -113,7 +113,7 @@ def _together(
     steps = 2 + len(names)
     with step(0, steps, "light of the layout"):
         source, reason = source_of(scene, diffuse, readings)
-        table, forward = lit(readings, scene, source)
+        table, forward = planned_in(readings, scene, source)
         problem, untestable = problem_of(forward, table, known, reason)
         problem = problem.with_curves()
         chosen = _chosen(problem, untestable, names)

@@ -108,14 +108,14 @@ class ScoredSet:
 
     def reaching(self, values: Mapping[str, float], errors: Mapping[str, float]) -> ScoredSet:
         """The set as it stands, with errors that reach these values with theirs."""
-        return replace(self, errors=reaching(self.errors, self.fit, values, errors))
+        return replace(self, errors=errors_reaching(self.errors, self.fit, values, errors))
 
     def accepted(self, alpha: float) -> bool:
         """Does it leave nothing unexplained?"""
         return self.adequacy is not None and self.adequacy.passes(alpha)
 
 
-def reaching(
+def errors_reaching(
     own: Mapping[str, float], fit: Fit, values: Mapping[str, float], errors: Mapping[str, float]
 ) -> dict[str, float]:
     """Errors of a fit by path, those that it has or larger ones that reach other values with theirs."""

@@ -13,7 +13,7 @@ import lightfield
 from lightfield import cli
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.expected import Together
-from lightfield.diagnosis.plan import lit
+from lightfield.diagnosis.plan import planned_in
 from lightfield.diagnosis.together import together
 from lightfield.errors import SceneError, UsageError
 from lightfield.experiments.hide import Secret, hide
@@ -83,7 +83,7 @@ def test_what_is_seen_and_what_is_not(made: Together) -> None:
 def test_sigma_of_a_curve_is_by_how_much_a_gaussian_lamp_is_worse(layout: Readings) -> None:
     (curve,) = together(layout, SCENE, ["beam_profile:4 functions"]).expected
     assert curve.values == {f"lamp.profile_departure.{k}": pytest.approx(-0.1 / k) for k in (1, 2, 3, 4)}
-    light = lit(layout, SCENE, None)[1].predict(curve.values)
+    light = planned_in(layout, SCENE, None)[1].predict(curve.values)
     start = np.array([1.0, HWHM, ABSORPTION])
 
     def misses(p: np.ndarray) -> np.ndarray:
@@ -191,7 +191,7 @@ def test_chances_are_those_of_noisy_campaigns(layout: Readings, names: list[str]
     sizes = {"detector.background": 0.008} if len(names) == 2 else {}
     made = together(layout, SCENE, names, sizes)
     values = {path: value for one in made.expected for path, value in one.values.items()}
-    _, forward = lit(layout, SCENE, None)
+    _, forward = planned_in(layout, SCENE, None)
     light = forward.predict({})
     clean = forward.predict({**values, "gain": 1 / light.max()})
     rng, draws = np.random.default_rng(1), 20

@@ -25,7 +25,7 @@ from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.own_errors import objective, under_own_errors
-from lightfield.diagnosis.search.set_of_effects import reaching
+from lightfield.diagnosis.search.set_of_effects import errors_reaching
 from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA, Limit
 from lightfield.diagnosis.verdict.best_set.averaged import largest
 from lightfield.diagnosis.verdict.best_set.uncertain_light import FoundInLight, in_uncertain_light
@@ -70,7 +70,7 @@ class WithScattering:
         best, values, errors = finding.best, self.fit.values, self.errors
         if best is not None:
             return replace(finding, accepted=[best.reaching(values, errors), *finding.accepted[1:]])
-        wider = reaching(finding.base_errors, finding.level.base, values, errors)
+        wider = errors_reaching(finding.base_errors, finding.level.base, values, errors)
         return replace(finding, base_errors=wider)
 
 

@@ -73,9 +73,12 @@ def in_errors(finding: SearchResult) -> SearchResult:
 
 def _hardly_told(also: WithScattering, finding: SearchResult, units: dict[str, str]) -> list[Unnamed]:
     """Scattering where it widens an error so many times that a change would be spoken of."""
-    best, level = finding.best, finding.level
-    fit, told = (level.base, finding.base_errors) if best is None else (best.fit, best.errors)
-    own, values = fit.stderr(finding.adequacy_of(best).phi), also.fit.values
+    if (best := finding.best) is None:
+        fit, told, adequacy = finding.level.base, finding.base_errors, finding.level.adequacy
+    else:
+        assert best.adequacy is not None
+        fit, told, adequacy = best.fit, best.errors, best.adequacy
+    own, values = fit.stderr(adequacy.phi), also.fit.values
     wide = {path for path in own if told[path] > CHANGED * own[path] and not is_gain(path)}
     with_it = {
         path: Estimate(value=values[path], stderr=also.errors[path], unit=units.get(path, "reading"))

@@ -124,7 +124,7 @@ def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
         {**dict.fromkeys(node.fit.paths, 0.0), "slope": 0.4, "b": 0.05},
         saved=1.0,
     )
-    wide = also.widened(best)
+    (wide,) = also.widened(SearchResult(found.many, best)).accepted
     apart = node.fit.values["slope"] - 0.3
     assert wide.errors["slope"] == pytest.approx(np.hypot(0.4, apart))
     there = SimpleNamespace(many=found.many, best=wide)
@@ -139,5 +139,6 @@ def test_scattering_that_changes_no_error_is_not_spoken_of() -> None:
     node = found.many.best
     best = ScoredSet(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
     also = WithScattering(candidate("scattering"), node.fit, node.fit.stderr(), saved=0.0)
-    there = SimpleNamespace(many=found.many, best=also.widened(best))
+    (same,) = also.widened(SearchResult(found.many, best)).accepted
+    there = SimpleNamespace(many=found.many, best=same)
     assert unnamed.unnamed(there, {}, also) == []
