@@ -43,12 +43,15 @@ class Gains:
         wavelengths = self.light.diffuse.channels[0]
         if len(wavelengths) == 1 or self.is_absolute:
             return (GAIN,)
-        return tuple(f"{GAIN}.{w:g}nm" for w in wavelengths)
+        return tuple(map(_of_channel, wavelengths))
 
     def of(self, values: Mapping[str, float]) -> Array:
         """Reading per unit of light from an on-axis intensity of one, shape (n,)."""
-        channel = self.light.diffuse.channels[1]
-        gains = np.array([values.get(name, 1.0) for name in self.names])
+        wavelengths, channel = self.light.diffuse.channels
+        if len(wavelengths) == 1:  # of a table that may have had others
+            gains = np.array([values.get(GAIN, values.get(_of_channel(wavelengths[0]), 1.0))])
+        else:
+            gains = np.array([values.get(name, 1.0) for name in self.names])
         gain = gains[channel] if len(gains) > 1 else np.full(len(channel), gains[0])
         return np.asarray(gain * self._intensity(values)[channel] if self.is_absolute else gain)
 
@@ -82,3 +85,8 @@ class Gains:
                 low, high = (edge + shift for edge in band)
                 intensity[k] = over_band(lamp, low, high, scene.detector).intensity.mean()
         return np.asarray(intensity / unit)
+
+
+def _of_channel(wavelength_nm: float) -> str:
+    """Path of the gain at a wavelength among others."""
+    return f"{GAIN}.{wavelength_nm:g}nm"

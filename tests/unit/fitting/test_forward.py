@@ -17,6 +17,8 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 COLOURS = (450.0, 550.0, 650.0)
+#: Rows of the table, one of 450 nm before all others.
+OF_BLUE_FIRST = np.array([1, 0, 2, 3, 4, 5])
 
 
 class Glow:
@@ -191,3 +193,13 @@ def test_errors_of_the_lamps_table_are_what_another_table_makes(tmp_path: Path) 
     # Between its angles a beam is known to a part in ten thousand.
     off_by = np.abs(stated.lamp_errors(values)[:, 0] - change)
     assert (off_by <= 2e-3 * np.abs(change) + 1e-4 * stated.predict(values)).all()
+
+
+def test_elsewhere_a_reading_has_the_gain_of_its_colour() -> None:
+    """Light of the closed form at 450 nm times 3, the gain of that colour, not 1, that of none."""
+    whole = SceneForward(Scene.from_dict({"water": {"absorption_per_m": 0.1}}), table().subset(OF_BLUE_FIRST))
+    gains = {"gain.450nm": 3.0, "gain.550nm": 5.0, "gain.650nm": 7.0}
+    assert set(whole.gains.names) == set(gains)
+    z = np.array([4.0, 6.0])
+    there = whole.at(x_m=0 * z, y_m=0 * z, z_m=z, medium=np.array(["water", "water"]), time_s=0 * z)
+    assert there.predict(gains) == pytest.approx(3 * np.exp(-0.1 * z) / z**2, rel=1e-12)
