@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.noise import Noise
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
@@ -24,7 +25,7 @@ from lightfield.scene import Tank
 #: Part of the photons that the trace at possible places is worth. Chosen: time against precision.
 ROUGH = 0.25
 #: Relative error that no number of repeats at one place will beat. Chosen: about what a stay at a distance
-#: repeats to (`setup.PLANE_GAIN_PERCENT`).
+#: repeats to (`setup.PLANE_GAIN_PERCENT`), where nothing is stated (`of_stay`).
 FLOOR = 0.0025
 #: Spots that are advised, and readings at each. Chosen.
 SPOTS, REPEATS = 3, 4
@@ -165,6 +166,7 @@ def _way(
     rival: ScoredSet,
     there: SceneForward,
     sigma: Callable[[Array], Array],
+    stay: Callable[[Mapping[str, float]], Array],
     phi: float,
 ) -> Way:
     away = separation(problem, whiten, truth, rival, phi)
@@ -173,6 +175,7 @@ def _way(
     under_rival = there.predict(imitation.values)
     # What both explanations share of the response's error is one error, not two.
     own = np.maximum(*(own_error(there, values) for values in (truth.values, imitation.values)))
+    own = np.hypot(own, stay(truth.values))
     slopes = replace(imitation.model, forward=there).jacobian(imitation.u, under_rival)
     information = imitation.jacobian.T @ imitation.jacobian
     information += np.diag(_RIDGE * np.diag(information) + _RIDGE_ALONE)
@@ -196,6 +199,15 @@ def own_error(there: SceneForward, values: Mapping[str, float]) -> Array:
     """
     modes, smooth = there.errors(values)
     return np.asarray(np.hypot(np.sqrt(ROUGH) * np.linalg.norm(modes, axis=1), smooth))
+
+
+def of_stay(budget: Budget, there: SceneForward, values: Mapping[str, float]) -> Array:
+    """Error of a stay at each place that its repeats share, as the budget states it, shape (n,).
+
+    By the gain of a stay, and by where the stage stands.
+    """
+    gain = budget.plane_gain if budget.gain_stated else 0.0
+    return np.hypot(gain * there.predict(values), budget.position_m * budget.position_slope(there, values))
 
 
 def where_next(
@@ -222,7 +234,8 @@ def where_next(
     )
     sigma = error_curve(prepared.noise, level.bench.phi * level.phi)
     pairs = ((one, two), (two, one))
-    ways = [_way(problem, finding.whiten, a.fit, b, there, sigma, level.phi) for a, b in pairs]
+    stay = partial(of_stay, prepared.noise.budget, there)
+    ways = [_way(problem, finding.whiten, a.fit, b, there, sigma, stay, level.phi) for a, b in pairs]
     best = best_places(ways, places)
     readings = [
         PlaceToRead(
@@ -248,15 +261,16 @@ def error_curve(noise: Noise, scale: float) -> Callable[[Array], Array]:
     Parameters
     ----------
     scale : float
-        Variance over the stated one.
+        Variance over the stated one, of what is its own.
     """
     order = np.argsort(noise.prediction)
-    level, sigma = noise.prediction[order], noise.sigma[order]
+    # Bands share a part of it, and every repeat has its own.
+    level, common = noise.prediction[order], (noise.layout.common * noise.prediction)[order]
+    sigma = np.hypot(np.sqrt(scale) * noise.sigma[order], common)
 
     def curve(prediction: Array) -> Array:
-        quoted = np.interp(prediction, level, sigma)
         # Beyond the brightest reading the error is taken to grow in proportion.
         beyond = np.maximum(prediction / level[-1], 1.0)
-        return np.asarray(np.sqrt(scale) * quoted * beyond)
+        return np.asarray(np.interp(prediction, level, sigma) * beyond)
 
     return curve

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -9,17 +11,24 @@ import numpy as np
 import pytest
 from analytic_readings import readings
 
+from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.verdict.advice import (
     FLOOR,
     REPEATS,
     PossiblePlaces,
     Way,
     best_places,
+    error_curve,
     error_of_mean,
+    of_stay,
     possible_places,
 )
+from lightfield.fitting.forward import SceneForward
+from lightfield.formula.closed_form import direct_field
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 
@@ -87,3 +96,76 @@ def test_beside_a_lamp_close_to_the_floor_the_places_that_were_read_are_left() -
     places = possible_places(cast(Any, layout), low.tank)
     assert {*zip(places.x_m.tolist(), places.y_m.tolist(), places.z_m.tolist(), strict=True)} == read
     assert len(possible_places(cast(Any, layout), None).x_m) > len(read)
+
+
+@pytest.mark.parametrize(("plane_gain", "position_m"), [(0.02, 0.0), (0.0, 0.005), (0.02, 0.005)])
+def test_what_is_stated_of_stays_no_repeats_beat(plane_gain: float, position_m: float) -> None:
+    """On the axis a reading g exp(-c z) / z^2 falls by itself times 2 / z + c per metre."""
+    table, believed = readings()
+    z = np.array([3.0, 7.0])
+    there = SceneForward(believed, table).at(
+        x_m=0 * z, y_m=0 * z, z_m=z, medium=np.array(["water", "water"]), time_s=0 * z
+    )
+    reading = 20 * np.exp(-0.12 * z) / z**2
+    expected = np.hypot(plane_gain * reading, position_m * reading * (2 / z + 0.12))
+    stated = Budget(plane_gain, position_m, 0.0, gain_stated=True)
+    assert of_stay(stated, there, {"gain": 20.0}) == pytest.approx(expected, rel=2e-3)
+    assumed = replace(stated, gain_stated=False, position_m=0.0)
+    assert not of_stay(assumed, there, {"gain": 20.0}).any()
+
+
+def test_what_bands_share_is_an_error_of_every_repeat() -> None:
+    """Own noise of 0.003, scaled by two, and 0.02 of the reading that the bands of its spectrum share."""
+    table, _ = readings()
+    layout = replace(layout_of(table), common=np.full(len(table), 0.02))
+    level = np.linspace(0.1, 1.0, len(table))
+    noise = Noise(layout, np.full(len(table), 0.003), level, Budget(0.0, 0.0, 0.0), 0 * level)
+    assert error_curve(noise, 2.0)(np.array([0.5])) == pytest.approx(np.hypot(0.003 * 2**0.5, 0.01), rel=1e-4)
+
+
+def test_readings_beside_a_stated_gain_of_stays_part_as_fits_to_all_readings_do() -> None:
+    """A source behind the lamp against a wide window: without that gain it were 5 sigma.
+
+    What is true is known to its own errors, which the fits here leave out: a few per cent less is told.
+    """
+    believed = Scene.from_dict({"lamp": {"hwhm_deg": 4.0}, "water": {"absorption_per_m": 0.12}})
+    truth = believed.with_values({"lamp.apparent_distance_m": 0.5, "lamp.hwhm_deg": 4.3})
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-0.6, 0.6, 9), [4.5, 5.5, 6.5, 7.5, 8.5]))
+    rng, n = np.random.default_rng(1), len(x)
+    value = direct_field(truth, x, 0 * x, z)
+    value *= (1 + 0.02 * np.repeat(rng.standard_normal(5), 9)) / value.max()
+    stderr = np.hypot(0.005 * value, 0.0008)
+    table = Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=value + stderr * rng.standard_normal(n), stderr=stderr,
+        time_s=20.0 * np.arange(n), quantity="irradiance",
+    )  # fmt: skip
+    budget = replace(table.budget, plane_gain_percent=2.0, position_mm=0.0, tolerance_percent=0.0)
+    made = diagnose(replace(table, budget=budget), believed, diffuse=None)
+    advice = made.verdict.next_measurement
+    assert advice is not None and advice.separation_predicted_sigma is not None
+    spots = advice.readings
+    columns = {
+        axis: np.r_[getattr(table, axis), np.repeat([getattr(s, axis) for s in spots], REPEATS)]
+        for axis in ("x_m", "y_m", "z_m")
+    }
+    every = Readings.from_arrays(
+        **columns, value=np.ones(len(columns["x_m"])), stderr=np.ones(len(columns["x_m"])),
+        time_s=20.0 * np.arange(len(columns["x_m"])), quantity="irradiance",
+    )  # fmt: skip
+    problem, noise = made.prepared.problem, made.prepared.noise
+    forward = SceneForward(problem.forward.scene, every, full=problem.forward.reader.full)
+    stays = np.repeat(1 + problem.layout.visit.max() + np.arange(len(spots)), REPEATS)
+    away = []
+    for true, other in (made.finding.accepted[:2], made.finding.accepted[1::-1]):
+        read = forward.predict(true.fit.values)
+        sigma = np.interp(read, np.sort(noise.prediction), noise.sigma[np.argsort(noise.prediction)])
+        sigma *= np.sqrt(made.finding.level.bench.phi) * np.maximum(read / noise.prediction.max(), 1)
+        stay = np.r_[problem.layout.visit, stays]
+        shared = np.outer(0.02 * read, 0.02 * read) * (stay[:, None] == stay)
+        factor = np.linalg.cholesky(shared + np.diag(sigma**2))
+        there = replace(
+            problem, forward=forward, layout=layout_of(every), value=read, keep=np.ones(forward.size)
+        )
+        fit = there.fit(other.explanation, partial(np.linalg.solve, factor), [other.fit.u])
+        away.append(np.sqrt(fit.chi2))
+    assert 0.85 * min(away) < advice.separation_predicted_sigma < 1.02 * min(away)
