@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -10,10 +11,13 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.layout import Layout, layout_of
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import direct_field
+from lightfield.formula.own_formulas import lit
+from lightfield.formula.scattered.scattered_field import ScatteredField, describes
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.render.limits import MADE_PHOTONS
 from lightfield.scene import Scene
+from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: Samples that a standard error is estimated from.
 SAMPLES = 40
@@ -212,9 +216,9 @@ def _in_sigma(instrument: Instrument, layout: Layout, rng: np.random.Generator) 
 def _displaced(
     truth: Scene, table: Readings, light: Array, position_m: float, rng: np.random.Generator
 ) -> Array:
-    """Light a few millimetres off over `light` at the stated place: the direct one's gradient is enough.
+    """Light a few millimetres off over `light` at the stated place.
 
-    What is scattered varies over longer ways.
+    Direct and scattered light move; what walls and surface reflect varies over longer ways.
     """
     here = [table.x_m, table.y_m, table.z_m]
     _, first, moment = np.unique(table.time_s, return_index=True, return_inverse=True)
@@ -224,5 +228,36 @@ def _displaced(
         direct_field(truth, x, y, z, table.wavelength_nm, table.medium, table.time_s)
         for x, y, z in (here, there)
     )
+    moved = other - one + _scattered_moves(truth, table, there, np.maximum(light - one, 0.0))
     whole = np.maximum(light, one)  # where nothing is read, nothing moves
-    return 1 + np.divide(other - one, whole, out=np.zeros_like(one), where=whole > 0)
+    return 1 + np.divide(moved, whole, out=np.zeros_like(one), where=whole > 0)
+
+
+def _scattered_moves(truth: Scene, table: Readings, there: Sequence[Array], diffuse: Array) -> Array:
+    """By how much scattered light is more at other places, shape (n,): as without photons, of what there is.
+
+    Of beams and receivers for which that is not known, by its fall with the distance.
+
+    Parameters
+    ----------
+    diffuse : array, shape (n,)
+        Scattered and reflected light at the places of the table.
+    """
+    n, here = len(diffuse), (table.x_m, table.y_m, table.z_m)
+    wave = np.where(np.isnan(table.wavelength_nm), np.mean(truth.detector.bands_nm[0]), table.wavelength_nm)
+    channels, channel = np.unique(wave, return_inverse=True)
+    wet = (np.asarray(table.medium) != "air") & (np.minimum(table.z_m, there[2]) > 0)
+    if not (scattering_per_m(truth.water, channels) > 0).any():
+        return np.zeros(n)
+    if not describes(lit(truth)):
+        near, far = (np.where(wet, z, 1.0) for z in (table.z_m, there[2]))
+        lost = absorption_per_m(truth.water, channels)[channel] * (far - near)
+        return np.asarray(diffuse * ((near / far) ** 2 * np.exp(-lost) - 1))
+    # All from the same nodes: what is interpolated between them is a little off at both alike.
+    x, y, z = (
+        np.concatenate([np.where(wet, v, 1.0) for v in both]) for both in zip(here, there, strict=True)
+    )
+    light = ScatteredField(x, y, z).light(lit(truth), list(channels.tolist()))
+    one, other = (light[channel, rows] for rows in (np.arange(n), np.arange(n, 2 * n)))
+    growth = np.divide(other, one, out=np.ones(n), where=wet & (one > 0)) - 1
+    return np.asarray(np.minimum(diffuse, one) * growth)

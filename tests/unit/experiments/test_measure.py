@@ -9,6 +9,7 @@ from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument, LightAtReadings, in_doubt, measure
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
+from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 
 
@@ -69,8 +70,8 @@ def test_an_error_budget_states_the_errors_that_there_are() -> None:
     assert Instrument().stated(table).budget == table.budget
 
 
-def test_a_displaced_reading_moves_by_its_direct_light() -> None:
-    """Nine tenths of the light are scattered, and vary over longer ways: a stage that is off moves a reading
+def test_reflected_light_does_not_move_with_the_stage() -> None:
+    """Nine tenths of the light are reflected, and vary over longer ways: a stage that is off moves a reading
     by a tenth of what it does in clear water."""
     scene = Scene.from_dict({"lamp": {"hwhm_deg": 6.0}, "detector": {"planes_m": [1.5], "width_m": 0.8}})
     table = scan(scene, "line", "random", np.random.default_rng(0))
@@ -84,6 +85,32 @@ def test_a_displaced_reading_moves_by_its_direct_light() -> None:
     clear, murky = (read(light, 0.001) - read(light, 1e-12) for light in (direct, 10 * direct))
     assert np.abs(clear).max() > 0.003
     np.testing.assert_allclose(murky, 0.1 * clear, atol=1e-5)
+
+
+@pytest.mark.parametrize(("x", "oval"), [(0.0, False), (0.6, False), (0.0, True)])
+def test_scattered_light_moves_with_the_stage(x: float, oval: bool) -> None:
+    """b = 0.3 per m: three quarters of the light 6.5 m away are scattered. Places are off by 5 mm in each
+    coordinate: readings scatter by the slopes of a render, of both, between places 0.3 m apart."""
+    scene = Scene.from_dict({
+        "lamp": {"hwhm_deg": 6.0, "ellipticity": 1.01 if oval else 1.0},
+        "water": {"absorption_per_m": 0.1, "scattering_per_m": 0.3},
+    })  # fmt: skip
+    step, n = 0.15, 2000
+    around = np.array([[x, 6.5], [x + step, 6.5], [x - step, 6.5], [x, 6.5 + step], [x, 6.5 - step]])
+    light, _ = rendered_light(scene, places(around[:, 0], around[:, 1]), rel_error=3e-3, max_photons=1e6)
+    slopes = np.log([light[1] / light[2], light[3] / light[4]]) / (2 * step)
+    table = places(np.full(n, x), np.full(n, 6.5))
+    instrument, rng = Instrument(noise=1e-9, position_m=0.005), np.random.default_rng(1)
+    read, clean = measure(scene, table, LightAtReadings(np.full(n, light[0])), instrument, rng)
+    assert np.std(read.value / clean) == pytest.approx(0.005 * np.hypot(*slopes), rel=0.1)
+
+
+def places(x_m: np.ndarray, z_m: np.ndarray) -> Readings:
+    n = len(x_m)
+    return Readings.from_arrays(
+        x_m=x_m, y_m=np.zeros(n), z_m=z_m, value=np.ones(n), stderr=np.full(n, 0.01), time_s=np.arange(n),
+        quantity="irradiance",
+    )  # fmt: skip
 
 
 def test_what_a_layout_says_that_bands_share_is_drawn_once_for_a_spectrum() -> None:
