@@ -21,7 +21,7 @@ from lightfield.diagnosis.problem.untestable import Untestable, in_words
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import settle
 from lightfield.diagnosis.search.followed import can_follow, scatters
-from lightfield.diagnosis.search.preparation import Bench, Prepared, bench, judged, prepare_problem
+from lightfield.diagnosis.search.preparation import Bench, bench, judged, prepare_problem
 from lightfield.diagnosis.verdict.best_set.scattered_too import by_hand
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
@@ -251,7 +251,7 @@ def fit_readings(
     readings = readings.check_against(scene)
     with threadpool_limits(1, "blas"):
         budget = budget_of(readings)
-        model, prepared, made, base = _refit(readings, scene, with_effects, diffuse, budget)
+        model, made, base = _refit(readings, scene, with_effects, diffuse, budget)
         cautions = hints(model.forward, model.problem, model.fit, budget.calibration)
         cautions += [Caution.of_table(w) for w in readings.warnings]
         for _ in range(2 if solver == "render" else 0):
@@ -261,7 +261,7 @@ def fit_readings(
             cautions.append(_not_converged(fit))
         adequacy = made.test.on(problem)(fit)
         least = {path: float(np.sqrt(adequacy.phi) * error) for path, error in model.errors.items()}
-        sigma, lit = np.sqrt(prepared.noise.variance(1.0, 0.0)), bright(problem)
+        sigma, lit = np.sqrt(made.whiten.noise.variance(1.0, 0.0)), bright(problem)
         return FitReport(
             model,
             solver,
@@ -296,7 +296,7 @@ def _refit(
     with_effects: Sequence[str],
     diffuse: DiffuseSource | str | None,
     budget: Budget,
-) -> tuple[Refit, Prepared, Bench, Array]:
+) -> tuple[Refit, Bench, Array]:
     """Fit with the fast model, traced in the water that the fit ends in; scattered light until it settles."""
     source, reason = source_of(scene, diffuse, readings)
     quoted = np.asarray(readings.stderr, float)
@@ -326,7 +326,7 @@ def _refit(
         test = judged(replace(prepared, problem=problem), told.whiten, rng)
         made = replace(made, whiten=told.whiten, test=test)
     without = base if explanation else fit
-    return Refit(problem, explanation, fit, errors), prepared, made, without.prediction
+    return Refit(problem, explanation, fit, errors), made, without.prediction
 
 
 def _starts(problem: Problem, explanation: Explanation, base: Array) -> list[Array]:

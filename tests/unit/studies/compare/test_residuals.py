@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,12 @@ from analytic_readings import readings
 from lightfield.api.light.compare import Fit
 from lightfield.diagnosis import ledger
 from lightfield.diagnosis.verdict.ladder import bright, percent
+from lightfield.formula.closed_form import direct_field
+from lightfield.formula.scattered.scattered_field import ScatteredField
+from lightfield.readings import Readings
+from lightfield.render.diffuse.source import response_for
 from lightfield.report.compare.readings_page import readings_page
+from lightfield.scene import Scene
 from lightfield.studies.compare import readings as fitting
 from lightfield.studies.compare.readings import FitReport, fit_readings
 from lightfield.studies.compare.residuals import MOST_PLANES, _groups
@@ -112,3 +118,22 @@ def test_a_fit_that_was_stopped_says_how_far_it_had_to_go() -> None:
     found = fitting._not_converged(stopped)
     assert found.values["gain"] == pytest.approx(float(away @ at.jacobian.T @ at.jacobian @ away), rel=0.05)
     assert "one step more would lower chi-square by" in found.sentence and "-o writes" in found.sentence
+
+
+def test_the_noise_floor_knows_nothing_of_light_that_the_fit_does_not_rest_on() -> None:
+    """Readings good to 0.5 % in water that scatters: the light of the search is known to 1 %, that which the
+    fit ends with to 0.2 %."""
+    scene = Scene.from_dict({
+        "lamp": {"hwhm_deg": 6.0}, "water": {"absorption_per_m": 0.1, "scattering_per_m": 0.2},
+    })  # fmt: skip
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-0.8, 0.8, 7), [4.5, 5.5, 6.5, 7.5]))
+    light = direct_field(scene, x, 0 * x, z) + ScatteredField(x, 0 * x, z).light(scene, [None])[0]
+    noise = 0.005 * light
+    table = Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=light + noise * np.random.default_rng(1).standard_normal(len(x)),
+        stderr=noise, time_s=20.0 * np.arange(len(x)), quantity="irradiance",
+    )  # fmt: skip
+    exact = replace(table.budget, plane_gain_percent=0.0, position_mm=0.0, tolerance_percent=0.0)
+    made = fit_readings(replace(table, budget=exact), scene, diffuse=partial(response_for, photons=100_000))
+    assert made.statistics.noise_floor_percent == pytest.approx(0.5, rel=0.15)
+    assert made.residuals.sigma == pytest.approx((table.value - made.model.fit.prediction) / noise, rel=0.3)
