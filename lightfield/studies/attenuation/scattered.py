@@ -33,6 +33,9 @@ MOST_ERROR_OF_B = 0.25
 _KAPPA = 0.5
 #: Gauss-Newton steps at most, and the change in 1/m at which they end.
 _STEPS, _STILL = 30, 1e-7
+#: Ranges of waters that are tried where light is reflected, and how far beyond the largest absorption its
+#: polynomials may be continued, as a factor.
+_RANGES, _AS_FAR = 5, 1.02
 #: Henyey-Greenstein phase functions between which waters lie, for what the choice of one is worth.
 OTHER_G = (0.87, 0.97)
 
@@ -102,6 +105,11 @@ class Stack:
     excess: Sequence[Excess]
 
     @property
+    def reflects(self) -> bool:
+        """Do walls or a surface send light back?"""
+        return any(any(table.scene.reflectances) for table in self.tables)
+
+    @property
     def y(self) -> Array:
         """shape (n_rows, n_colours)"""
         return np.concatenate([t.y for t in self.tables])
@@ -164,13 +172,34 @@ class Stack:
 def traced_stack(apparent: Sequence[Apparent], trace: DiffuseSource, g: float | None = None) -> Stack:
     """Scattered and reflected light at the places of all tables, for all waters that may be.
 
+    In open water none absorbs more than K. Under a surface, or between walls, more light comes back the
+    farther away it is read, and K may be a third of the absorption: there that absorption counts which would
+    show K if nothing were scattered.
+
     Parameters
     ----------
     apparent : sequence of Apparent
     g : float, optional
         Asymmetry of a Henyey-Greenstein phase function; default: the scene's.
     """
-    least, most = (float(f([f(one.K_per_m) for one in apparent])) for f in (np.min, np.max))
+    clearest = np.min([one.K_per_m for one in apparent], axis=0)
+    most = np.max([one.K_per_m for one in apparent], axis=0)
+    for _ in range(_RANGES):
+        stack = _stack_up_to(apparent, trace, float(clearest.min()), float(most.max()), g)
+        if not stack.reflects:
+            break
+        nothing = np.zeros_like(most)
+        alone = _absorption(stack, np.maximum(most, 0.0), nothing, nothing > 0)[1]
+        if alone.max() <= _AS_FAR * stack.excess[0].largest_a:
+            break
+        clearest, most = np.maximum(clearest, alone), np.maximum(most, alone)
+    return stack
+
+
+def _stack_up_to(
+    apparent: Sequence[Apparent], trace: DiffuseSource, least: float, most: float, g: float | None
+) -> Stack:
+    """The same for waters of which the clearest and the darkest would absorb so much, 1/m."""
     largest_b, largest_a = LARGEST_B * max(least, 0.01), max(most, 0.01)
     typical = (0.5 * max(least, 0.01), max(least, 0.01))
     excess = []

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy import optimize
 
+from lightfield.formula.closed_form import direct_field
+from lightfield.readings import Readings
+from lightfield.render.diffuse.source import response_for
+from lightfield.scene import Scene
 from lightfield.studies.attenuation.scattered import Stack, _absorption
+from lightfield.studies.attenuation.study import attenuation
 
 LARGEST = 0.6
 #: Of these SciPy finds a b of 0, too.
@@ -82,3 +89,33 @@ def test_the_water_is_that_of_least_chi_square(seed: int) -> None:
     _, a, b = _absorption(stack, np.full(n, 0.1), np.full(n, 0.15), np.ones(n, bool))
     np.testing.assert_allclose((a, b), best(stack, n), atol=2e-5)
     assert (b == 0).any() == (seed in AT_THE_END)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.05, 0.3), (0.1, 0.0)])
+def test_under_a_surface_water_is_sought_beyond_what_k_shows(a: float, b: float) -> None:
+    """A surface 1.2 m above a beam of 20 degrees sends back so much that K is a third of the absorption.
+
+    Light of the very trace, without noise, is explained by the water that it was made in.
+    Sought up to K and four times K, it was absorption of 0.085 per m for 0.05 and b of 0.3, with a
+    chi-square of 35.
+    """
+    tank = {"width_m": 3.0, "depth_m": 2.4, "lamp_depth_m": 1.2, "length_m": 12.0, "surface": "flat"}
+    tank |= {"wall_albedo": 0.2}
+    scene = Scene.from_dict({
+        "lamp": {"hwhm_deg": 20.0}, "water": {"absorption_per_m": a, "scattering_per_m": b}, "tank": tank,
+    })  # fmt: skip
+    trace = partial(response_for, photons=300_000)
+    z = np.array([1.0, 2.0, 3.0, 4.0, 5.5, 7.0])
+    water = direct_field(scene, 0 * z, 0 * z, z) + trace(scene, 0 * z, 0 * z, z).light(scene, [None])[0]
+    air = direct_field(scene, 0 * z, 0 * z, z, medium=np.ones(6, bool))
+    value = np.r_[water, air]
+    table = Readings.from_arrays(
+        x_m=np.zeros(12), y_m=np.zeros(12), z_m=np.r_[z, z], value=value, stderr=0.003 * value,
+        medium=np.repeat(["water", "air"], 6), time_s=10.0 * np.arange(12), quantity="irradiance",
+    )  # fmt: skip
+    exact = replace(table.budget, plane_gain_percent=0.0, position_mm=0.0)
+    made = attenuation(replace(table, budget=exact), scene, trace)
+    found = made.scattered
+    assert found is not None and made.apparent[0].K_per_m[0] < 0.35 * a and found.chi2 < 1
+    assert abs(found.a[0] - a) < 0.5 * found.a_stderr[0] and abs(found.b[0] - b) < 0.5 * found.b_stderr[0]
+    assert found.combined[0] == pytest.approx(a + found.kappa[0] * b, rel=0.02)
