@@ -40,6 +40,8 @@ from lightfield.diagnosis.verdict.advice import (
     best_places,
     error_curve,
     error_of_mean,
+    in_stays,
+    of_place,
     own_error,
     possible_places,
 )
@@ -246,7 +248,7 @@ def _helpful(
     light = there.predict(base.values)
     slopes = replace(base.model, forward=there).jacobian(base.u, light)
     known = _effects(problem, base, adequacy.scores, dict(zip(found.names, found.sizes, strict=True)), there)
-    sigma = error_curve(noise, 1.0)(light)
+    sigma, place = error_curve(noise, 1.0)(light), of_place(noise.budget, there, base.values)
     out = []
     for j, one in enumerate(found.names):
         for k in range(j + 1, len(found.names)):
@@ -255,9 +257,12 @@ def _helpful(
             seen = min(found.delta[j], found.delta[k]) >= DETECTABLE_SIGMA
             if not (alike and seen):
                 continue
-            error = error_of_mean(sigma, light, np.maximum(known[one].own, known[two].own))
+            own = np.maximum(known[one].own, known[two].own)
+            error = error_of_mean(sigma, light, np.hypot(own, place))
             ways = [
-                _way(base, known[a], known[b], size, slopes, error)
+                in_stays(
+                    _way(base, known[a], known[b], size, slopes, error), noise.budget, places, light / error
+                )
                 for a, b, size in ((one, two, found.sizes[j]), (two, one, found.sizes[k]))
             ]
             best = best_places(ways, places)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from lightfield.scene import Tank
 #: Part of the photons that the trace at possible places is worth. Chosen: time against precision.
 ROUGH = 0.25
 #: Relative error that no number of repeats at one place will beat. Chosen: about what a stay at a distance
-#: repeats to (`setup.PLANE_GAIN_PERCENT`), where nothing is stated (`of_stay`).
+#: repeats to (`setup.PLANE_GAIN_PERCENT`), where nothing is stated (`in_stays`).
 FLOOR = 0.0025
 #: Spots that are advised, and readings at each. Chosen.
 SPOTS, REPEATS = 3, 4
@@ -166,7 +165,7 @@ def _way(
     rival: ScoredSet,
     there: SceneForward,
     sigma: Callable[[Array], Array],
-    stay: Callable[[Mapping[str, float]], Array],
+    stays: tuple[Budget, PossiblePlaces],
     phi: float,
 ) -> Way:
     away = separation(problem, whiten, truth, rival, phi)
@@ -175,7 +174,7 @@ def _way(
     under_rival = there.predict(imitation.values)
     # What both explanations share of the response's error is one error, not two.
     own = np.maximum(*(own_error(there, values) for values in (truth.values, imitation.values)))
-    own = np.hypot(own, stay(truth.values))
+    own = np.hypot(own, of_place(stays[0], there, truth.values))
     slopes = replace(imitation.model, forward=there).jacobian(imitation.u, under_rival)
     information = imitation.jacobian.T @ imitation.jacobian
     information += np.diag(_RIDGE * np.diag(information) + _RIDGE_ALONE)
@@ -186,7 +185,8 @@ def _way(
     own = np.sqrt(own**2 + np.einsum("ij,jk,ik->i", moves, known, moves).clip(0))
     error = error_of_mean(sigma(under_truth), under_truth, own)
     difference = (under_truth - under_rival) / error
-    return Way(away.separation_sigma**2, difference, slopes / error[:, None], information / phi)
+    way = Way(away.separation_sigma**2, difference, slopes / error[:, None], information / phi)
+    return in_stays(way, *stays, under_truth / error)
 
 
 def own_error(there: SceneForward, values: Mapping[str, float]) -> Array:
@@ -201,13 +201,27 @@ def own_error(there: SceneForward, values: Mapping[str, float]) -> Array:
     return np.asarray(np.hypot(np.sqrt(ROUGH) * np.linalg.norm(modes, axis=1), smooth))
 
 
-def of_stay(budget: Budget, there: SceneForward, values: Mapping[str, float]) -> Array:
-    """Error of a stay at each place that its repeats share, as the budget states it, shape (n,).
+def of_place(budget: Budget, there: SceneForward, values: Mapping[str, float]) -> Array:
+    """Error of the readings at each place by where the stage stands, which repeats share, shape (n,)."""
+    return np.asarray(budget.position_m * budget.position_slope(there, values))
 
-    By the gain of a stay, and by where the stage stands.
+
+def in_stays(way: Way, budget: Budget, places: PossiblePlaces, relative: Array) -> Way:
+    """The same where readings at one distance share the gain of a stay, if the budget states its error.
+
+    Parameters
+    ----------
+    relative : array, shape (n,)
+        Reading at each place over its error.
     """
-    gain = budget.plane_gain if budget.gain_stated else 0.0
-    return np.hypot(gain * there.predict(values), budget.position_m * budget.position_slope(there, values))
+    if not (budget.gain_stated and budget.plane_gain > 0):
+        return way
+    at = np.stack([places.z_m, places.air], axis=1)
+    stay = np.unique(at, axis=0, return_inverse=True)[1].ravel()
+    of_each = (stay[:, None] == np.arange(stay.max() + 1)) * (budget.plane_gain * relative)[:, None]
+    known = np.pad(way.information, (0, of_each.shape[1]))
+    known[len(way.information) :, len(way.information) :] = np.eye(of_each.shape[1])
+    return replace(way, slopes=np.hstack([way.slopes, of_each]), information=known)
 
 
 def where_next(
@@ -234,8 +248,8 @@ def where_next(
     )
     sigma = error_curve(prepared.noise, level.bench.phi * level.phi)
     pairs = ((one, two), (two, one))
-    stay = partial(of_stay, prepared.noise.budget, there)
-    ways = [_way(problem, finding.whiten, a.fit, b, there, sigma, stay, level.phi) for a, b in pairs]
+    stays = prepared.noise.budget, places
+    ways = [_way(problem, finding.whiten, a.fit, b, there, sigma, stays, level.phi) for a, b in pairs]
     best = best_places(ways, places)
     readings = [
         PlaceToRead(

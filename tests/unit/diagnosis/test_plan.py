@@ -47,10 +47,14 @@ def with_advice(table: Readings, made: LayoutPlan, k: int) -> Readings:
     return replace(table.subset(rows), x_m=x, y_m=y, z_m=z, time_s=time, repeat=repeat)
 
 
-@pytest.mark.parametrize("error", [0.01, 0.03])
-def test_what_is_promised_of_more_readings_comes_true(error: float) -> None:
+@pytest.mark.parametrize(
+    ("error", "stays"),
+    [(0.01, {}), (0.03, {}), (0.005, {"plane_gain_percent": 2.0}), (0.005, {"position_mm": 5.0})],
+)
+def test_what_is_promised_of_more_readings_comes_true(error: float, stays: dict[str, float]) -> None:
     """The plan of the layout with them has the distance that was promised, at the sizes of the first."""
     table = layout()
+    table = replace(table, budget=replace(table.budget, **stays))
     made = plan(known(table, error, 1.0), SCENE)
     first = made.isolability
     assert made.helpful

@@ -23,7 +23,7 @@ from lightfield.diagnosis.verdict.advice import (
     best_places,
     error_curve,
     error_of_mean,
-    of_stay,
+    of_place,
     possible_places,
 )
 from lightfield.fitting.forward import SceneForward
@@ -98,20 +98,15 @@ def test_beside_a_lamp_close_to_the_floor_the_places_that_were_read_are_left() -
     assert len(possible_places(cast(Any, layout), None).x_m) > len(read)
 
 
-@pytest.mark.parametrize(("plane_gain", "position_m"), [(0.02, 0.0), (0.0, 0.005), (0.02, 0.005)])
-def test_what_is_stated_of_stays_no_repeats_beat(plane_gain: float, position_m: float) -> None:
+def test_a_place_that_is_off_is_off_for_all_repeats() -> None:
     """On the axis a reading g exp(-c z) / z^2 falls by itself times 2 / z + c per metre."""
     table, believed = readings()
     z = np.array([3.0, 7.0])
     there = SceneForward(believed, table).at(
         x_m=0 * z, y_m=0 * z, z_m=z, medium=np.array(["water", "water"]), time_s=0 * z
     )
-    reading = 20 * np.exp(-0.12 * z) / z**2
-    expected = np.hypot(plane_gain * reading, position_m * reading * (2 / z + 0.12))
-    stated = Budget(plane_gain, position_m, 0.0, gain_stated=True)
-    assert of_stay(stated, there, {"gain": 20.0}) == pytest.approx(expected, rel=2e-3)
-    assumed = replace(stated, gain_stated=False, position_m=0.0)
-    assert not of_stay(assumed, there, {"gain": 20.0}).any()
+    expected = 0.005 * 20 * np.exp(-0.12 * z) / z**2 * (2 / z + 0.12)
+    assert of_place(Budget(0.0, 0.005, 0.0), there, {"gain": 20.0}) == pytest.approx(expected, rel=2e-3)
 
 
 def test_what_bands_share_is_an_error_of_every_repeat() -> None:
@@ -124,7 +119,7 @@ def test_what_bands_share_is_an_error_of_every_repeat() -> None:
 
 
 def test_readings_beside_a_stated_gain_of_stays_part_as_fits_to_all_readings_do() -> None:
-    """A source behind the lamp against a wide window: without that gain it were 5 sigma.
+    """A source behind the lamp against a wide window: spots at one distance share the gain of one stay.
 
     What is true is known to its own errors, which the fits here leave out: a few per cent less is told.
     """
@@ -154,7 +149,9 @@ def test_readings_beside_a_stated_gain_of_stays_part_as_fits_to_all_readings_do(
     )  # fmt: skip
     problem, noise = made.prepared.problem, made.prepared.noise
     forward = SceneForward(problem.forward.scene, every, full=problem.forward.reader.full)
-    stays = np.repeat(1 + problem.layout.visit.max() + np.arange(len(spots)), REPEATS)
+    at = np.unique([one.z_m for one in spots], return_inverse=True)[1]
+    stays = np.repeat(1 + problem.layout.visit.max() + at, REPEATS)
+    spot = np.r_[np.full(n, -1), np.repeat(np.arange(len(spots)), REPEATS)]
     away = []
     for true, other in (made.finding.accepted[:2], made.finding.accepted[1::-1]):
         read = forward.predict(true.fit.values)
@@ -162,6 +159,7 @@ def test_readings_beside_a_stated_gain_of_stays_part_as_fits_to_all_readings_do(
         sigma *= np.sqrt(made.finding.level.bench.phi) * np.maximum(read / noise.prediction.max(), 1)
         stay = np.r_[problem.layout.visit, stays]
         shared = np.outer(0.02 * read, 0.02 * read) * (stay[:, None] == stay)
+        shared += np.outer(FLOOR * read, FLOOR * read) * ((spot[:, None] == spot) & (spot >= 0))
         factor = np.linalg.cholesky(shared + np.diag(sigma**2))
         there = replace(
             problem, forward=forward, layout=layout_of(every), value=read, keep=np.ones(forward.size)
