@@ -51,9 +51,13 @@ def follows_any(one: FoundEffect) -> bool:
 
 def instead(one: FoundEffect) -> str:
     """What would do in place of an effect; "" for nothing."""
-    told = [_in_place_of(one.effect, names) for names in one.alternatives[:_ALTERNATIVES_TOLD]]
+    shown = one.alternatives[:_ALTERNATIVES_TOLD]
+    courses = [names for names in shown if _is_course_of(one.effect, names)]
+    told = [_with(names) for names in shown if names not in courses]
     if one.beyond:
         told.insert(0, f"more {_with(one.beyond)} than is held plausible")
+    if courses:  # first, next to what "it" is
+        told.insert(0, f"any course of it ({' or '.join(map(_with, courses))})")
     if one.other_lamp and not any(_CURVE in names for names in one.alternatives):
         told.append("a lamp of another shape")
     return " or ".join(told)
@@ -69,10 +73,10 @@ def shared(
     return certain, [f"Instead of {plain(o.effect)}: {instead(o)}." for o in open_]
 
 
-def _in_place_of(effect: str, names: Sequence[str]) -> str:
-    """What does as well; a curve that an effect is one course of is no other cause."""
+def _is_course_of(effect: str, names: Sequence[str]) -> bool:
+    """Is it a curve that an effect is one course of? It is no other cause."""
     curve = effects.curves().get(names[0]) if len(names) == 1 else None
-    return f"any course of it ({plain(names[0])})" if curve and effect in curve.contains else _with(names)
+    return curve is not None and effect in curve.contains
 
 
 def _with(names: Sequence[str]) -> str:

@@ -227,6 +227,20 @@ def test_the_simplest_comes_with_what_else_would_do() -> None:
     assert effects.level(curve) == "simplest; beam profile would do as well"
 
 
+def test_courses_of_an_effect_are_told_together_and_first() -> None:
+    """Else "it" would be what was named in between."""
+    one = effect("lamp_drift", "one of", ["water_drift"])
+    several = [["water_drift"], ["lamp_power_curve"]]
+    assert effects.instead(one.model_copy(update={"alternatives": several})) == (
+        "any course of it (lamp power curve) or water drift"
+    )
+    gains = one.model_copy(update={"effect": "water_gradient"})
+    curves = [["attenuation_profile"], ["background"], ["plane_gain"]]
+    assert effects.instead(gains.model_copy(update={"alternatives": curves})) == (
+        "any course of it (attenuation profile or plane gain) or background"
+    )
+
+
 def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(monkeypatch) -> None:
     """What one effect seemed to explain is taken back once: the ladder climbs all the same."""
     table, believed = readings({"detector.background": 0.02}, seed=4)
