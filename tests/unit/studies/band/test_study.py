@@ -148,9 +148,10 @@ def test_distances_without_light_are_refused_before_any_trace(monkeypatch) -> No
 @pytest.mark.slow
 def test_in_harbour_water_light_is_lost_more_slowly_than_a_rule_of_clear_water_says() -> None:
     """c z = 20 at 8.5 m. With K = a + 0.48 b a prototype gave 500 to 550 nm 41 % of the best signal; light
-    that was scattered a dozen times is lost more slowly, and the band does a little better."""
+    that was scattered a dozen times is lost more slowly, and the band does a little better. Few photons get
+    through such water: of 4e5 K is off by nearly three of its errors, which are a third of it."""
     harbour = scene(chlorophyll_mg_per_m3=4.0, cdom_440_per_m=0.3, sediment_g_per_m3=2.0)
-    found = best_band(harbour, **FEW)
+    found = best_band(harbour, max_photons=1e7, rel_error=1e-3)
     signal = best(found, 8.5, "signal")
     assert 0.41 < signal.paper_share < 0.52 and 540 <= signal.low_nm <= 550
     far = found.spectrum.isel(z_m=-1).sel(wavelength_nm=slice(500, 600))  # where scattering dominates
