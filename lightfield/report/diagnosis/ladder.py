@@ -44,8 +44,11 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
             axis.plot(at, held_out, "D", color=MUTED, mfc="none", markersize=6, label=each)
         shown = np.isfinite(error)  # a dark model has no error in per cent
         for k in np.flatnonzero(shown):
+            # Under the line of the floor a number stands below its point, or the line would cross it.
+            below = noise_floor_percent is not None and error[k] <= noise_floor_percent
+            beside = (8, -14 if below else 5)
             axis.annotate(
-                texts[k], (float(k), float(error[k])), (8, 5), textcoords="offset points", fontsize=10,
+                texts[k], (float(k), float(error[k])), beside, textcoords="offset points", fontsize=10,
                 weight="bold", path_effects=[withStroke(linewidth=3, foreground="white")],
             )  # fmt: skip
         for x, rung in zip(at, ladder, strict=True):
