@@ -98,12 +98,15 @@ def keep(key: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
 
 def _make_room(newest: Path) -> None:
     remove_leftovers(newest.parent)
-    entries = sorted(newest.parent.glob("*.npz"), key=lambda entry: entry.stat().st_mtime)
-    excess = sum(entry.stat().st_size for entry in entries) - LARGEST_BYTES
-    for entry in entries:
+    entries = []
+    for entry in newest.parent.glob("*.npz"):
+        with suppress(FileNotFoundError):  # another process makes room, too
+            entries.append((entry.stat().st_mtime, entry.stat().st_size, entry))
+    excess = sum(size for _, size, _ in entries) - LARGEST_BYTES
+    for _, size, entry in sorted(entries):
         if excess <= 0 or entry == newest:
             return
-        excess -= entry.stat().st_size
+        excess -= size
         entry.unlink(missing_ok=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from dataclasses import fields
 from pathlib import Path
 
@@ -123,3 +124,18 @@ def test_a_response_comes_back_whole(tmp_path: Path, merged: np.ndarray | None) 
         back = TransportResponse.unpacked(stored, reference)
     for field in fields(TransportResponse):
         np.testing.assert_array_equal(getattr(back, field.name), getattr(response, field.name))
+
+
+def test_room_is_made_by_the_oldest_while_others_make_room_too(
+    entry: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What vanished since it was listed, as a link to nothing is, costs no entry."""
+    size = entry.stat().st_size
+    os.utime(entry, (1, 1))
+    (entry.parent / "gone.npz").symlink_to(entry.parent / "nothing")
+    monkeypatch.setattr(response_cache, "LARGEST_BYTES", int(2.5 * size))
+    for name in ("second", "third"):
+        response_cache.keep({"name": name}, ARRAYS)
+    assert not caplog.records
+    assert not entry.exists()
+    assert all(response_cache.recall({"name": name}) is not None for name in ("second", "third"))
