@@ -328,8 +328,9 @@ def as_text(made: LayoutPlan) -> str:
             f"x = {x:.2f}, y = {y:.2f}, z = {z:.2f} m"
             for x, y, z in zip(advice.places.x_m, advice.places.y_m, advice.places.z_m, strict=True)
         )
+        at = "" if advice.places.at_nm is None else f", of {advice.places.at_nm:g} nm,"
         lines.append(
-            f"Add {advice.repeats} readings each at {spots}: {' and '.join(extra.between)} would part by "
+            f"Add {advice.repeats} readings each{at} at {spots}: {' and '.join(extra.between)} would part by "
             f"{advice.predicted_sigma:.1f} sigma (now {advice.now_sigma:.1f})."
         )
     lines += [f"assumed: {a}" for a in made.assumed]
@@ -361,6 +362,7 @@ def as_data(made: LayoutPlan) -> dict[str, Any]:
             {
                 "between": list(extra.between),
                 "repeats": extra.advice.repeats,
+                "wavelength_nm": extra.advice.places.at_nm,
                 "now_sigma": extra.advice.now_sigma,
                 "predicted_sigma": extra.advice.predicted_sigma,
                 "places_m": np.stack(

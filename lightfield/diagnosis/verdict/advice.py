@@ -42,12 +42,14 @@ _RIDGE, _RIDGE_ALONE = 1e-9, 1e-12
 
 @dataclass(frozen=True)
 class PossiblePlaces:
-    """Possible readings, each an array of shape (n,)."""
+    """Possible readings, each an array of shape (n,), and of several bands the wavelength of that which they
+    are of."""
 
     x_m: Array
     y_m: Array
     z_m: Array
     air: Array
+    at_nm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -81,8 +83,16 @@ def possible_places(problem: Problem, tank: Tank | None) -> PossiblePlaces:
         inside &= (gy > floor + _FROM_FLOOR_M) & (gy < top - _FROM_FLOOR_M)
     if not inside.any():
         read = np.unique(np.stack([lay.x_m, lay.y_m, lay.z_m, lay.air], axis=1), axis=0)
-        return PossiblePlaces(*read[:: 1 + len(read) // len(gx)].T)
-    return PossiblePlaces(gx[inside], gy[inside], gz[inside], air[inside])
+        rx, ry, rz, dry = read[:: 1 + len(read) // len(gx)].T
+        return PossiblePlaces(rx, ry, rz, dry, _judged_nm(problem))
+    return PossiblePlaces(gx[inside], gy[inside], gz[inside], air[inside], _judged_nm(problem))
+
+
+def _judged_nm(problem: Problem) -> float | None:
+    """Of several bands that of the first reading, as `SceneForward.at` has it."""
+    if problem.layout.one_channel:
+        return None
+    return float(problem.forward.readings.wavelength_nm[0])
 
 
 @dataclass(frozen=True)
@@ -154,7 +164,9 @@ def best_places(ways: Sequence[Way], places: PossiblePlaces) -> Advice:
         chosen.append(int(worst.argmax()))
         ways = [way.taken(chosen[-1]) for way in ways]
     index = np.array(chosen)
-    spots = PossiblePlaces(places.x_m[index], places.y_m[index], places.z_m[index], places.air[index])
+    spots = PossiblePlaces(
+        places.x_m[index], places.y_m[index], places.z_m[index], places.air[index], places.at_nm
+    )
     return Advice(spots, REPEATS, now, float(np.sqrt(min(way.now for way in ways))))
 
 
@@ -263,6 +275,7 @@ def where_next(
         asks=Asks.OTHER_KIND if alike else Asks.PART,
         between=[list(one.names), list(two.names)],
         readings=[] if alike else readings,
+        wavelength_nm=None if alike else places.at_nm,
         separation_now_sigma=best.now_sigma,
         separation_predicted_sigma=best.predicted_sigma,
         laboratory={effect.name: effect.laboratory for effect in in_one} if alike else {},

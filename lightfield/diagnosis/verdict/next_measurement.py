@@ -33,6 +33,7 @@ class NextMeasurement(Record):
         default_factory=list, description="the two explanations it would separate"
     )
     readings: list[PlaceToRead] = Field(default_factory=list)
+    wavelength_nm: float | None = Field(default=None, description="of several bands the one it is judged in")
     separation_now_sigma: float | None = None
     separation_predicted_sigma: float | None = None
     laboratory: dict[str, str] = Field(
@@ -79,8 +80,9 @@ def _part(asked: NextMeasurement) -> str:
     spots = "; ".join(_where(spot) for spot in asked.readings)
     count = sum(spot.repeats for spot in asked.readings)
     first, second = asked.between
+    at = "" if asked.wavelength_nm is None else f" at {asked.wavelength_nm:g} nm"
     return (
-        f"{count} readings ({spots}) would part {join(first)} and {join(second)} by "
+        f"{count} readings{at} ({spots}) would part {join(first)} and {join(second)} by "
         f"{asked.separation_predicted_sigma:.1f} sigma (now {asked.separation_now_sigma:.1f})."
     )
 

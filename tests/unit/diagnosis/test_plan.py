@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.plan import LayoutPlan, plan, planned
+from lightfield.diagnosis.plan import LayoutPlan, as_text, plan, planned
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -84,3 +84,16 @@ def test_it_is_promised_in_any_unit(units: str) -> None:
     relative = promised(scale="relative")
     assert len(relative) == 2
     assert promised(scale="absolute", units=units) == pytest.approx(relative, rel=0.02)
+
+
+def test_readings_to_add_say_in_which_band_they_are_judged() -> None:
+    """Of several bands the first one of the table; of one there is nothing to say."""
+    one = layout(scale="relative")
+    n = len(one)
+    both = replace(one.subset(np.tile(np.arange(n), 2)), wavelength_nm=np.repeat([443.0, 550.0], n))
+    scene = Scene.from_dict({**SCENE.to_dict(), "detector": {"bands_nm": [[442, 444], [549, 551]]}})
+    made = plan(both, scene)
+    assert made.helpful and {extra.advice.places.at_nm for extra in made.helpful} == {443.0}
+    assert "readings each, of 443 nm, at x = " in as_text(made)
+    alone = plan(one, SCENE)
+    assert alone.helpful and " nm," not in as_text(alone)

@@ -58,6 +58,8 @@ def test_every_advice_has_words_and_reads_back(asks: Asks) -> None:
     )
     assert told.sentence.endswith(".")
     assert ("beam tilt: Turn the lamp." in told.sentence) == (asks is Asks.OTHER_KIND)
+    in_a_band = told.model_copy(update={"wavelength_nm": 443.0})
+    assert (" readings at 443 nm (x = " in in_a_band.sentence) == (asks is Asks.PART)
     assert ("7.5 sigma" in told.sentence) == (asks is Asks.PART)
     assert ("z = 6.5" in told.sentence) == (asks in (Asks.PART, Asks.REPEAT, Asks.LOOK))
     data = told.model_dump(mode="json")
