@@ -9,7 +9,7 @@ from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, Wate
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
-from lightfield.diagnosis.verdict.words.effects import called, effect_size, level
+from lightfield.diagnosis.verdict.words.effects import called, effect_size, level, why_first
 from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.parameter import is_gain
 from lightfield.wording import plain
@@ -43,6 +43,8 @@ def as_text(verdict: Verdict) -> str:
     for explanation in verdict.explanations[:_SHOWN]:
         values = _values(explanation.parameters)
         lines.append(f"{join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
+    if about_order := why_first(verdict.explanations[:_SHOWN]):
+        lines.append(about_order)
     if verdict.next_measurement:
         lines.append(f"next: {verdict.next_measurement.sentence}")
     reachable = {k: v for k, v in verdict.detection_limits.items() if v.within_range}

@@ -20,7 +20,13 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
 from lightfield.diagnosis.verdict.verdict import Verdict
-from lightfield.diagnosis.verdict.words.effects import called, effect_size, instead, short_level
+from lightfield.diagnosis.verdict.words.effects import (
+    called,
+    effect_size,
+    instead,
+    short_level,
+    why_first,
+)
 from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
@@ -76,6 +82,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         rungs=[_rung(rung) for rung in verdict.ladder],
         falls=len(verdict.ladder) > 1 and not _rises(verdict.ladder),
         explanations=[_explanation(each) for each in verdict.explanations],
+        about_order=why_first(verdict.explanations),
         rival=_rival(verdict.nearest_rival),
         next_sentence=what_next(verdict.verdict, advice),
         spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],

@@ -73,6 +73,17 @@ def shared(
     return certain, [f"Instead of {plain(o.effect)}: {instead(o)}." for o in open_]
 
 
+def why_first(told: Sequence[AcceptedExplanation]) -> str:
+    """Why the first explanation stands before others of more weight, which have curves; "" if none has."""
+    curves = set(effects.curves())
+    if not told:
+        return ""
+    heavier = [curves.intersection(one.effects) for one in told[1:] if one.weight > told[0].weight]
+    if not heavier or not all(some.difference(told[0].effects) for some in heavier):
+        return ""
+    return "The first needs fewer curves than those of more weight: a curve follows noise, too."
+
+
 def _is_course_of(effect: str, names: Sequence[str]) -> bool:
     """Is it a curve that an effect is one course of? It is no other cause."""
     curve = effects.curves().get(names[0]) if len(names) == 1 else None

@@ -20,7 +20,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import called
+from lightfield.diagnosis.verdict.words.effects import called, why_first
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
@@ -255,3 +255,11 @@ def test_nought_has_no_sign() -> None:
     """An absorption at the end of its range is 0, and not -0."""
     one = Estimate(value=-0.0, unit="1/m")
     assert exactly(one).startswith("0 ") and roughly(one) == "0 1/m"
+
+
+def test_why_an_explanation_of_less_weight_stands_first_is_said() -> None:
+    named = explanation("beam_shape", "background").model_copy(update={"weight": 0.2})
+    curve = explanation("beam_profile", "background").model_copy(update={"weight": 0.7})
+    other = explanation("beam_skirt", "background").model_copy(update={"weight": 0.1})
+    assert why_first([named, curve, other]).startswith("The first needs fewer curves")
+    assert why_first([curve, named]) == why_first([named, other]) == why_first([]) == ""
