@@ -145,21 +145,22 @@ class ByHand(NamedTuple):
 
 
 def by_hand(problem: Problem, explanation: Explanation, fit: Fit, whiten: Whitener) -> ByHand | None:
-    """A fit of given effects, where walls reflect and it may scatter; None where it is right as it is."""
+    """A fit of given effects where walls reflect and scattering is one of them; else None.
+
+    What the scene states to scatter is no question to the photons: of three readings of one tank, values and
+    errors were the same to a tenth of an error.
+    """
     if problem.sample is not None or not can_follow(problem) or not _is_between_walls(problem, fit):
         return None
+    if not any(map(_scatters, explanation)):
+        return None
     effects = tuple(_at_least_a_little(c) if _scatters(c) else c for c in explanation)
-    start, there = fit.u, problem
-    if any(map(_scatters, explanation)):
-        # Its phase function begins as the scene has it: that of the fit was led by the photons' word.
-        begun = {p.path for c in effects if _scatters(c) for p in c.shapes}
-        known = {path: u for path, u in fit.by_path.items() if path not in begun}
-        start = problem.model(effects).at(known | {_PATH: max(_TRACED_PER_M, fit.values[_PATH])})
-        traced = _traced_at(problem, effects, start, whiten, 0)
-        if traced is None:
-            return None
-        there = traced
-    elif not scatters(problem, fit):
+    # Its phase function begins as the scene has it: that of the fit was led by the photons' word.
+    begun = {p.path for c in effects if _scatters(c) for p in c.shapes}
+    known = {path: u for path, u in fit.by_path.items() if path not in begun}
+    start = problem.model(effects).at(known | {_PATH: max(_TRACED_PER_M, fit.values[_PATH])})
+    there = _traced_at(problem, effects, start, whiten, 0)
+    if there is None:
         return None
     found, errors = _told_there(there, effects, start, whiten)
     as_found = there.fit(effects, found.whiten, [found.fit.u], max_steps=0)
