@@ -13,15 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from lightfield.arrays import Array
 from lightfield.fitting.diffuse_light import DiffuseSource
-from lightfield.scene.water.water import Water
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, misfit_p
 from lightfield.studies.attenuation.excess import Excess, excess_light
-from lightfield.studies.attenuation.ratios import Ratios
+from lightfield.studies.attenuation.stack import Stack
+from lightfield.studies.attenuation.valley import Valley, valley_of
 
 #: Scattering is looked for up to so many times the least apparent attenuation: kappa is 0.25 at least in what
 #: was traced (0.47 for a cosine receiver and g = 0.92, more behind a collimator).
@@ -90,85 +89,6 @@ class Scattered:
         return misfit_p(self.chi2, self.dof)
 
 
-@dataclass(frozen=True, eq=False)
-class Stack:
-    """Several tables of one water under each other.
-
-    Parameters
-    ----------
-    tables : sequence of Ratios
-    excess : sequence of Excess
-        One per table.
-    """
-
-    tables: Sequence[Ratios]
-    excess: Sequence[Excess]
-
-    @property
-    def reflects(self) -> bool:
-        """Do walls or a surface send light back?"""
-        return any(any(table.scene.reflectances) for table in self.tables)
-
-    @property
-    def y(self) -> Array:
-        """shape (n_rows, n_colours)"""
-        return np.concatenate([t.y for t in self.tables])
-
-    @property
-    def sigma(self) -> Array:
-        """shape (n_rows, n_colours)"""
-        return np.concatenate([t.stderr for t in self.tables])
-
-    @property
-    def path_m(self) -> Array:
-        """shape (n_rows,), m"""
-        return np.concatenate([t.path_m for t in self.tables])
-
-    @property
-    def alphas(self) -> Array:
-        """Columns of X of one constant per table, shape (n_rows, n_colours, n_tables)."""
-        which = np.repeat(np.arange(len(self.tables)), [len(t.path_m) for t in self.tables])
-        column = (which[:, None] == np.arange(len(self.tables))).astype(float)
-        return np.repeat(column[:, None, :], self.y.shape[1], axis=1)
-
-    def shared(self, traced: bool) -> tuple[Array, Array]:
-        """H and errors of stays and, if asked for, of the traced light."""
-        blocks, errors = (list(each) for each in zip(*(t.shared for t in self.tables), strict=True))
-        if traced:
-            blocks = [np.hstack([h, e.modes]) for h, e in zip(blocks, self.excess, strict=True)]
-            errors = [
-                np.concatenate([s, np.ones(e.modes.shape[1])])
-                for s, e in zip(errors, self.excess, strict=True)
-            ]
-        return block_diag(*blocks), np.concatenate(errors)
-
-    def light(self, a: Array, b: Array) -> Array:
-        """ln(all light / direct light), shape (n_rows, n_colours)."""
-        return np.concatenate([e.value(a, b) for e in self.excess])
-
-    def of_water(self, water: Water, scattered: bool = True) -> Array:
-        """ln of what a water lets through, mean over every band, shape (n_rows, n_colours).
-
-        Parameters
-        ----------
-        scattered : bool
-            False: every scattered photon is lost.
-        """
-        rows = []
-        for table, excess in zip(self.tables, self.excess, strict=True):
-            a, b = table.seen.coefficients(water)
-            ln = -np.multiply.outer(table.path_m, a + b)
-            if scattered:
-                ln += excess.value(a.ravel(), b.ravel()).reshape(ln.shape)
-            rows.append(table.seen.mean_ln(ln))
-        return np.concatenate(rows)
-
-    def slopes(self, a: Array, b: Array) -> tuple[Array, Array]:
-        """Its derivatives by a and b, m."""
-        by_a, by_b = zip(*(e.slopes(a, b) for e in self.excess), strict=True)
-        return np.concatenate(by_a), np.concatenate(by_b)
-
-
 def traced_stack(apparent: Sequence[Apparent], trace: DiffuseSource, g: float | None = None) -> Stack:
     """Scattered and reflected light at the places of all tables, for all waters that may be.
 
@@ -233,15 +153,20 @@ def scattered_light(
     others : mapping, optional
         From `other_phases`.
     """
-    estimate, a, b, told = _fitted(apparent, stack)
+    valley = valley_of(stack)
+    estimate, a, b, told = _fitted(apparent, stack, valley)
     kappa, combined, combined_stderr = _combination(estimate, a, b)
+    reach_a, reach_b, bend = valley.reach_from(a, b, kappa)
+    combined_stderr = np.maximum(combined_stderr, bend)
     nothing, largest = np.zeros_like(b), stack.excess[0].largest_b
     alone = _absorption(stack, np.maximum(combined, 0), nothing, nothing > 0)[1]
     dof = estimate.dof - int((~told).sum())
     times = misfit_factor(estimate.chi2, dof)
-    error = times * estimate.stderr[:, -2:]
+    along = np.column_stack([np.hypot(combined_stderr, reach_a), reach_b])
+    error = times * np.maximum(estimate.stderr[:, -2:], along)
     other_kappa = {
-        g: float(_combination(*_fitted(apparent, o)[:3])[0].mean()) for g, o in (others or {}).items()
+        g: float(_combination(*_fitted(apparent, o, valley_of(o))[:3])[0].mean())
+        for g, o in (others or {}).items()
     }
     return Scattered(
         apparent[0].ratios.wavelength_nm, a, b, error[:, 0], error[:, 1], told, kappa, combined,
@@ -267,54 +192,74 @@ def scene_says(apparent: Apparent, excess: Excess) -> Array:
 
 
 def _fitted(
-    apparent: Sequence[Apparent], stack: Stack
+    apparent: Sequence[Apparent], stack: Stack, valley: Valley
 ) -> tuple[JointEstimate, Array, Array, NDArray[np.bool_]]:
     """Parameters (gains, a, b) of every colour, a, b, and where b was free.
 
-    Where the layout does not tell b, it stays where the fit starts, and its column says what it would have
-    been worth there. A fit along a line that hardly bends would only run to an end of it.
+    Where the layout does not tell b, it is held, and its column says what it would have been worth there. A
+    fit along a line that hardly bends would only run to an end of it.
     """
     K = np.min([one.K_per_m for one in apparent], axis=0)
     b = np.minimum(0.5 * np.maximum(K, 0) / _KAPPA, 0.5 * stack.excess[0].largest_b)
-    held = np.zeros(len(b), bool)
-    estimate, a, b = _absorption(stack, np.maximum(K - _KAPPA * b, 0), b, held)
-    told = estimate.stderr[:, -1] <= MOST_ERROR_OF_B * stack.excess[0].largest_b
-    if told.any():
+    most = MOST_ERROR_OF_B * stack.excess[0].largest_b
+    told, free = valley.b_stderr <= most, np.zeros(len(b), bool)
+    estimate, a, b = _absorption(stack, *valley.start(b, told), free)
+    while True:
+        told &= np.maximum(estimate.stderr[:, -1], valley.reach_from(a, b, 0 * b)[1]) <= most
+        if (told == free).all():
+            return estimate, a, b, told
         estimate, a, b = _absorption(stack, a, b, told)
-    return estimate, a, b, told
-
-
-def _drawn_out(b: Array, step: Array, largest: float) -> NDArray[np.bool_]:
-    return ((b <= 0) & (step < 0)) | ((b >= largest) & (step > 0))
+        free = told.copy()
 
 
 def _absorption(
     stack: Stack, a: Array, b: Array, told: NDArray[np.bool_]
 ) -> tuple[JointEstimate, Array, Array]:
-    """Gauss-Newton in a, and in b where it is told; a last row of every colour says how wide its range is."""
+    """Gauss-Newton in a, and in b where it is told; a last row of every colour says how wide its range is.
+
+    A step after which chi-square is larger is halved: light that bends the readings' line makes it too far.
+    """
     s, alphas, largest = stack.path_m[:, None], stack.alphas, stack.excess[0].largest_b
-    tables = alphas.shape[2]
     H, errors = stack.shared(traced=True)
     H = np.vstack([H, np.zeros((1, H.shape[1]))])
     known = np.vstack([stack.sigma, np.full((1, alphas.shape[1]), largest)])
+    gains = np.concatenate([alphas, np.zeros((1, *alphas.shape[1:]))])
+    least, best = np.inf, (a, b)
     for _ in range(_STEPS):
-        by_a, by_b = stack.slopes(a, b)
-        rest = stack.y + (a + b) * s - stack.light(a, b)
-        columns = np.concatenate([alphas, (by_a - s)[..., None], (by_b - s)[..., None]], axis=2)
-        last = np.zeros((1, *columns.shape[1:]))
-        last[..., -1] = 1.0
-        columns, values = np.concatenate([columns, last]), np.vstack([rest, 0.5 * largest - b])
-        estimate = Design(known, columns, H, errors).estimate(values)
-        step, held = estimate.theta, np.zeros(len(b), bool)
-        # With b held, or at an end that it is drawn beyond, all else goes where it is best given that b.
-        while (more := ~held & (~told | _drawn_out(b, step[:, tables + 1], largest))).any():
-            held |= more
-            within = np.where(held[:, None] & (np.arange(tables + 2) > tables), 0.0, columns)
-            step = Design(known, within, H, errors).estimate(values).theta
-        new_a = a + step[:, tables]
-        new_b = np.where(held, b, np.clip(b + step[:, tables + 1], 0.0, largest))
-        moved = max(np.abs(new_a - a).max(), np.abs(new_b - b).max())
-        a, b = new_a, new_b
-        if moved < _STILL:
+        values = np.vstack([stack.y + (a + b) * s - stack.light(a, b), 0.5 * largest - b])
+        chi2 = Design(known, gains, H, errors).estimate(values).chi2
+        if chi2 > least:
+            a, b = 0.5 * (a + best[0]), 0.5 * (b + best[1])
+        else:
+            slopes = [
+                np.vstack([by - s, last * np.ones_like(b)]) for last, by in enumerate(stack.slopes(a, b))
+            ]
+            design = Design(known, np.concatenate([gains, np.stack(slopes, axis=2)], axis=2), H, errors)
+            estimate = design.estimate(values)
+            least, best = chi2, (a, b)
+            by_a, by_b = _step(design, values, b, told, largest)
+            a, b = a + by_a, b + by_b
+        if max(np.abs(a - best[0]).max(), np.abs(b - best[1]).max()) < _STILL:
             break
-    return estimate, a, b
+    return estimate, *best
+
+
+def _step(
+    design: Design, values: Array, b: Array, told: NDArray[np.bool_], largest: float
+) -> tuple[Array, Array]:
+    """Where the last two parameters of every colour, a and b, go.
+
+    b goes up to an end of its range, or nowhere if it is not told; with b held there all else goes where
+    it is best given that b.
+    """
+    theta, held, by_b = design.estimate(values).theta, np.zeros(len(b), bool), np.zeros(len(b))
+    last = np.arange(design.X.shape[2]) == design.X.shape[2] - 1
+    while True:
+        inside = np.clip(b + theta[:, -1], 0.0, largest)
+        more = ~held & (~told | (inside != b + theta[:, -1]))
+        if not more.any():
+            return theta[:, -2], np.where(held, by_b, theta[:, -1])
+        held |= more
+        by_b = np.where(more & told, inside - b, by_b)
+        within = replace(design, X=np.where(held[:, None] & last, 0.0, design.X))
+        theta = within.estimate(values - by_b * design.X[..., -1]).theta

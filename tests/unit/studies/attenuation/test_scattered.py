@@ -16,6 +16,7 @@ from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.studies.attenuation.scattered import Stack, _absorption
 from lightfield.studies.attenuation.study import attenuation
+from lightfield.studies.attenuation.valley import valley_of
 
 LARGEST = 0.6
 #: Of these SciPy finds a b of 0, too.
@@ -89,6 +90,34 @@ def test_the_water_is_that_of_least_chi_square(seed: int) -> None:
     _, a, b = _absorption(stack, np.full(n, 0.1), np.full(n, 0.15), np.ones(n, bool))
     np.testing.assert_allclose((a, b), best(stack, n), atol=2e-5)
     assert (b == 0).any() == (seed in AT_THE_END)
+
+
+def best_at(stack: Stack, colour: int, b: float) -> tuple[float, float]:
+    """Least chi-square of one colour by itself at a b, and the a that it has there."""
+    (H, error), alphas = stack.shared(traced=True), stack.alphas[:, colour]
+    known = np.isfinite(stack.sigma[:, colour])
+    y, sigma = stack.y[known, colour], stack.sigma[known, colour]
+
+    def residual(q: np.ndarray) -> np.ndarray:
+        light = stack.light(np.full(stack.y.shape[1], q[0]), np.full(stack.y.shape[1], b))[known, colour]
+        alpha, beta = np.split(q[1:], [alphas.shape[1]])
+        model = light - stack.path_m[known] * (q[0] + b) + alphas[known] @ alpha + H[known] @ beta
+        return np.concatenate([(y - model) / sigma, beta / error, [0.5 - b / LARGEST]])
+
+    start = np.concatenate([[0.1], np.zeros(alphas.shape[1] + H.shape[1])])
+    found = optimize.least_squares(residual, start, x_scale="jac", xtol=1e-13, ftol=1e-13, gtol=1e-13)
+    return 2 * found.cost, found.x[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_for_every_b_chi_square_is_the_least(seed: int) -> None:
+    stack = made(seed)
+    stack.tables[0].stderr[1, 0] = stack.tables[0].y[1, 0] = np.nan
+    found = valley_of(stack)
+    for node in (0, 40, 120, 192):
+        for colour in range(stack.y.shape[1]):
+            expected = best_at(stack, colour, float(found.b[node]))
+            assert (found.chi2[node, colour], found.a[node, colour]) == pytest.approx(expected, rel=1e-5)
 
 
 @pytest.mark.parametrize(("a", "b"), [(0.05, 0.3), (0.1, 0.0)])
