@@ -26,8 +26,9 @@ class SmoothField:
     Parameters
     ----------
     z_m : array, shape (n_z,), m
-    width : float
-        Tangent of the beam's half width.
+    width : callable
+        What radii over distances are told in, at distances: the tangent of the beam's half width, less where
+        a tank is narrower.
     excess : array, shape (n_z, n_radii)
         ln(all light / direct light) at the radii `RADII` width z.
     direct : callable
@@ -35,7 +36,7 @@ class SmoothField:
     """
 
     z_m: Array
-    width: float
+    width: Callable[[Array], Array]
     excess: Array
     direct: Callable[[Array, Array], Array]
 
@@ -45,17 +46,17 @@ class SmoothField:
 
     def at(self, rho2_m2: Array, z_m: Array) -> Array:
         """Light at squared radii and distances, 1/m^2."""
-        u2 = rho2_m2 / (self.width * z_m) ** 2
+        u2 = rho2_m2 / (self.width(z_m) * z_m) ** 2
         return self.direct(np.sqrt(rho2_m2), z_m) * np.exp(self._spline.ev(z_m, u2))
 
     def half_radius(self, z_m: float) -> float:
         """Radius at which half of the light on the axis is left, m; NaN beyond the last one."""
         there = np.linspace(0, RADII[-1], _SCAN) ** 2
         at = np.full(len(there), z_m)
-        log = np.log(np.maximum(self.at(there * (self.width * z_m) ** 2, at), DARK))
+        log = np.log(np.maximum(self.at(there * (self.width(at) * z_m) ** 2, at), DARK))
         below = np.flatnonzero(log < log[0] - np.log(2))
         if not below.size:
             return float("nan")
         k = int(below[0])
         u2 = np.interp(np.log(2), log[0] - log[k - 1 : k + 1], there[k - 1 : k + 1])
-        return float(np.sqrt(u2) * self.width * z_m)
+        return float(np.sqrt(u2) * self.width(at[:1])[0] * z_m)

@@ -66,6 +66,8 @@ _STEP_M = 1e-3
 _WIDEST_DEG = 45.0
 #: Kept free before the end of a tank, m.
 _BEFORE_WALL_M = 0.05
+#: How sharply the width of the beam gives way to that of the tank, as a power of both.
+_BETWEEN = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,20 +223,29 @@ def _field(
     lamp = lit(scene).lamp
     axis = about or (lambda z_m: (np.full(len(z_m), lamp.offset_x_m), np.full(len(z_m), lamp.offset_y_m)))
     beam = float(np.tan(np.radians(min(stated_width_deg(lamp), _WIDEST_DEG))))
-    most, towards = float(RADII[-1]), 1.0
+    towards = 1.0
+
+    def room_over_z(side: int, z_m: Array) -> Array:
+        assert scene.tank is not None
+        return (np.abs(scene.tank.box_m[0][side] - axis(z_m)[0]) - _BEFORE_WALL_M) / z_m
+
     if scene.tank is not None:
-        room = np.abs(np.array(scene.tank.box_m[0])[:, None] - axis(z)[0]) - _BEFORE_WALL_M
-        left, right = (room / (beam * z)).min(axis=1)
-        towards = 1.0 if right >= left else -1.0
-        most = min(most, float(max(left, right)))
-    width = beam * most / RADII[-1]
+        towards = 1.0 if room_over_z(1, z).min() >= room_over_z(0, z).min() else -1.0
+
+    def width(z_m: Array) -> Array:
+        """Twice as far as the beam's half width, or up to the side: smoothly from one to the other."""
+        if scene.tank is None:
+            return np.full(len(z_m), beam)
+        most = room_over_z(int(towards > 0), z_m) / RADII[-1]
+        return np.asarray((beam**-_BETWEEN + most**-_BETWEEN) ** (-1 / _BETWEEN))
+
     along, radius = (v.ravel() for v in np.meshgrid(z, RADII, indexing="ij"))
 
     def aside(rho_m: Array, z_m: Array) -> tuple[Array, Array]:
         x, y = axis(z_m)
         return x + towards * rho_m, y
 
-    light = light_at(scene, *aside(radius * width * along, along), along, trace)
+    light = light_at(scene, *aside(radius * width(along) * along, along), along, trace)
 
     def direct(rho_m: Array, z_m: Array) -> Array:
         return light_at(scene, *aside(rho_m, z_m), z_m, None).direct
@@ -266,7 +277,7 @@ def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:
     modes = light.relative_modes.reshape(len(z), len(RADII), -1)
     found, half = np.full(len(z), np.nan), np.array([field.half_radius(at) for at in z])
     for k in np.flatnonzero(np.isfinite(half)):
-        nearest = int(np.argmin(np.abs(RADII * field.width * z[k] - half[k])))
+        nearest = int(np.argmin(np.abs(RADII * field.width(z)[k] * z[k] - half[k])))
         error = float(np.linalg.norm(modes[k, nearest] - modes[k, 0]))
         r = half[k] + np.array([-_STEP_M, _STEP_M])
         low, high = np.log(np.maximum(field.at(r**2, np.full(2, z[k])), DARK))

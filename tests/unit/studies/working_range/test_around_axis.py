@@ -1,0 +1,39 @@
+"""The spot in a tank that is narrower than the beam is wide at its end, against a closed form."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from lightfield.scene import Scene
+from lightfield.studies.working_range.study import working_range
+
+HALF = np.radians(9.0)
+C = 0.23
+
+
+def expected(z: float) -> float:
+    """Where exp(-ln2 (theta / h)^2) cos(theta) exp(-c r) / r^2 is half of what it is on the axis."""
+
+    def light(rho: float) -> float:
+        r, theta = np.hypot(rho, z), np.arctan2(rho, z)
+        return float(np.exp(-np.log(2) * (theta / HALF) ** 2 - C * r) * z / r**3)
+
+    return brentq(lambda rho: light(rho) - 0.5 * light(0.0), 0.0, 2 * z)
+
+
+@pytest.mark.parametrize("offset_m", [0.0, 0.3])
+def test_the_spot_is_told_as_far_as_the_tank_has_room_for_it(offset_m: float) -> None:
+    """Beside a wall that the beam meets at the tank's end no spot was told at all, not even near the lamp."""
+    tank = {"width_m": 2.0, "depth_m": 1.5, "length_m": 7.0}
+    water = {"absorption_per_m": 0.08, "scattering_per_m": 0.15}
+    lamp = {"hwhm_deg": 9.0, "offset_x_m": offset_m}
+    scene = Scene.from_dict(
+        {"lamp": lamp, "water": water, "tank": tank, "detector": {"planes_m": [1.0, 2.0, 3.5, 5.0]}}
+    )
+    spot = working_range(scene, None).dataset.half_radius_m
+    told = spot.dropna("z_m")
+    assert float(told.z_m[-1]) > 5.5 and len(told) > 0.8 * len(spot)
+    for z in (1.0, 2.0, 3.5, 5.0):
+        assert float(spot.sel(z_m=z)) == pytest.approx(expected(z), rel=1e-3)
