@@ -189,6 +189,8 @@ def docked(reach: Reach, most: float, least: float) -> str:
     if not reach.is_told:
         return UNTOLD
     words = reached(reach.z_m, reach.stderr_m, reach.from_m, most, least, reach.from_stderr_m)
+    if np.isfinite(reach.near_m):
+        words = f"up to {reached(reach.near_m)}, and {words}"
     return f"{words} ({reach.sure_m:.1f} m for sure)" if np.isfinite(reach.sure_m) else words
 
 

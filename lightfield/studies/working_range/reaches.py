@@ -55,6 +55,9 @@ class Reach:
     sure_m : float
         Where `z_m` is infinite, and photons leave the farthest distances in doubt: up to where it holds all
         the same; else NaN.
+    near_m : float
+        Where it begins to hold away from the lamp, and surely holds at the nearest distance asked as well: up
+        to where it does there; else NaN.
     """
 
     name: str
@@ -65,6 +68,7 @@ class Reach:
     formula_from_m: float = float("nan")
     from_stderr_m: float = float("nan")
     sure_m: float = float("nan")
+    near_m: float = float("nan")
 
     @property
     def is_told(self) -> bool:
@@ -114,10 +118,10 @@ def pose_reaches(data: xr.Dataset, fine: Array) -> list[Reach]:
 
 
 def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> Reach:
-    """The last stretch of distances on which a logarithm is surely below 0; `doubt` is its relative error.
+    """The last stretch of distances on which a logarithm is surely below 0, and one that begins at once.
 
-    What few photons leave of far light looks like information: a stretch that is not good with an error
-    `_SURE` times as large as well is none.
+    `doubt` is its relative error. What few photons leave of far light looks like information: a stretch that
+    is not good with an error `_SURE` times as large as well is none.
     """
     nothing = float("nan")
     formula_near, formula_far = _stretch(z, formula, formula <= 0)
@@ -132,9 +136,11 @@ def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> R
         return float(np.interp(at, z, doubt) / np.abs(np.interp(at, z, np.gradient(over, z))))
 
     begins, ends = near > z[0], np.isfinite(far)
+    at_once = begins and worse[0] <= 0
     return Reach(
         name, far, error(far) if ends else nothing, formula_far, near if begins else nothing, of_formula,
         error(near) if begins else nothing, nothing if ends or np.isinf(sure) else sure,
+        _stretch(z, over, z == z[0])[1] if at_once else nothing,
     )  # fmt: skip
 
 

@@ -128,7 +128,8 @@ def distance(reach: Reach) -> str:
         return UNTOLD
     far = f"{reach.z_m:.2f}{_pm(reach.stderr_m)} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
     sure = f" (for sure to {reach.sure_m:.2f} m)" if np.isfinite(reach.sure_m) else ""
-    return _from(reach.from_m, reach.from_stderr_m) + far + sure
+    nearer = f"up to {reach.near_m:.2f} m, and " if np.isfinite(reach.near_m) else ""
+    return nearer + _from(reach.from_m, reach.from_stderr_m) + far + sure
 
 
 def _pm(stderr: float) -> str:
@@ -162,6 +163,7 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
                 "from_m": finite(r.from_m),
                 "from_stderr_m": finite(r.from_stderr_m),
                 "sure_m": finite(r.sure_m),
+                "near_m": finite(r.near_m),
                 "told": r.is_told,
                 "formula_from_m": finite(r.formula_from_m),
                 "beyond_all_asked": bool(np.isinf(r.z_m)),

@@ -44,6 +44,9 @@ def test_a_far_stretch_that_is_known_is_told() -> None:
     sigma = LIMIT * np.exp(0.5 * np.minimum(Z - 6, 2) - 1.25 * np.clip(Z - 8.2, 0, None))
     found = along(sigma, np.full(len(Z), 0.01))
     assert found.from_m == pytest.approx(8.2 + 1 / 1.25, abs=0.01) and np.isinf(found.z_m)
+    assert found.near_m == pytest.approx(6.0, abs=1e-3)
+    assert distance(found) == "up to 6.00 m, and 9.00 ± 0.01 m to beyond all asked"
+    assert docked(found, 10.0, 2.0).startswith("up to 6.0 m, and ")
 
 
 def test_where_it_begins_to_hold_has_an_error() -> None:
