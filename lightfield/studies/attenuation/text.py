@@ -165,11 +165,13 @@ def scene_sentences(found: Attenuation) -> list[str]:
         return []
     k, least, stated = int(np.argmax(np.abs(off))), int(np.argmin(one.K_per_m)), int(np.argmin(expected))
     nm = one.ratios.wavelength_nm
+    where = ""
+    if np.ptp(expected) > one.K_stderr.min():  # else it is alike at all of them
+        where = f"; attenuation would be least at {nm[stated]:g} nm, and is at {nm[least]:g} nm"
     return [
         f"The scene states another water than the readings show: at {nm[k]:g} nm its K would be "
-        f"{expected[k]:.4f} per m, not {one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}; attenuation would be "
-        f"least at {nm[stated]:g} nm, and is at {nm[least]:g} nm. `band`, `range` and `link` believe the "
-        "scene: write into it what was found here before asking them."
+        f"{expected[k]:.4f} per m, not {one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}{where}. `band`, `range` "
+        "and `link` believe the scene: write into it what was found here before asking them."
     ]
 
 

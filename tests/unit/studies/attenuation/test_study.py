@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import campaign
 import numpy as np
@@ -13,6 +14,7 @@ from lightfield.errors import MeasurementError
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.readings.importing.importer import import_index
+from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.studies.attenuation.apparent import apparent_attenuation
 from lightfield.studies.attenuation.common_errors import Design, stays
@@ -380,3 +382,11 @@ def test_a_colour_without_light_leaves_the_errors_of_others_alone() -> None:
     found = ratios_of(Readings.from_arrays(**five), scene())
     assert found.wavelength_nm == pytest.approx(COLOURS[:-1])
     assert np.mean(found.stderr) == pytest.approx(0.004 * np.sqrt(2 / 5), rel=0.2)
+
+
+def test_grey_water_of_a_scene_is_least_nowhere() -> None:
+    """Of a scene that dims all colours alike it was said that attenuation "would be least at 600 nm"."""
+    grey = Scene.from_dict({"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": 0.4}})
+    said = as_text(attenuation(table(scene(), noise=3e-3), grey, partial(response_for, photons=20_000)))
+    assert "The scene states another water than the readings show" in said
+    assert "would be 0.4000 per m" in said and "would be least" not in said
