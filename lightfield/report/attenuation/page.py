@@ -27,13 +27,15 @@ def attenuation_page(found: Attenuation) -> str:
     first = found.apparent[0]
     sections = [_apparent(one, k) for k, one in enumerate(found.apparent)]
     if found.scattered is not None:
+        where = "so K lies between absorption and beam attenuation."
+        if any(first.ratios.scene.reflectances):
+            where = "and light that comes back from walls or a surface, which may leave K below absorption."
         caption = SideBySide(
-            "scattered light that still arrives hides a part of the loss, so K lies between absorption "
-            "and beam attenuation.",
+            f"scattered light that still arrives hides a part of the loss, {where}",
             "the waters that the layout allows, with one standard error.",
         )
         hidden = page_figure(
-            "hidden", caption, "K between a and c; a against b as told",
+            "hidden", caption, "K beside a and c; a against b as told",
             hidden_figure, first, found.scattered, found.content,
         )  # fmt: skip
         sections.append(

@@ -107,11 +107,16 @@ def fit_sentence(one: Apparent) -> str:
     text = f"chi-square {e.chi2:.1f} for {e.dof} degrees of freedom (p = {one.misfit_p:.2g}): straight lines "
     if one.misfit_p > POOR_FIT:
         return text + "fit. That does not show that Beer-Lambert holds: scattered light keeps them straight."
-    width = float(one.ratios.seen.width_nm.max())
-    bent = (
-        f" (over a band of {width:g} nm the line bends by itself: what is dimmed most is gone first)"
-        * bool(width)
-    )
+    width, bends = float(one.ratios.seen.width_nm.max()), []
+    if any(one.ratios.scene.reflectances):
+        bends.append(
+            "light that walls or a surface send back bends the line, as told below where it was traced"
+        )
+    if width:
+        bends.append(
+            f"over a band of {width:g} nm the line bends by itself: what is dimmed most is gone first"
+        )
+    bent = f" ({'; '.join(bends)})" * bool(bends)
     return (
         f"{text}do not fit. The errors are stated too small, or more than attenuation is at work{bent}: "
         f"diagnose it. All errors of K are multiplied by {e.errors_times:.2g}, the root of chi-square over "

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
+from lightfield.render.diffuse.source import response_for
 from lightfield.report.attenuation.figures import percent_figure
 from lightfield.report.attenuation.page import attenuation_page
 from lightfield.scene import Scene
@@ -52,3 +55,23 @@ def test_page_and_terminal_show_the_same_wavelengths() -> None:
     found = study(17)
     (said,) = re.findall(r"\((\d+) of 17 wavelengths are shown\)", as_text(found))
     assert f"{said} of 17 wavelengths; the figure above shows all" in attenuation_page(found)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_between_walls_k_need_not_lie_above_absorption() -> None:
+    """White walls 0.5 m beside a wide beam send back more the farther away it is: K is below the absorption
+    of 0.1 per m, and its line is bent. The page said that K lies above it, and not why the line bends."""
+    tank = {"width_m": 1.0, "depth_m": 1.0, "length_m": 12.0, "wall_albedo": 0.7}
+    water = {"absorption_per_m": 0.1}
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 20.0}, "water": water, "tank": tank})
+    trace, z = partial(response_for, photons=50_000), np.array([0.5, 1.0, 1.5, 2.0, 3.0, 4.0])
+    light = direct_field(scene, 0 * z, 0 * z, z) + trace(scene, 0 * z, 0 * z, z).light(scene, [None])[0]
+    value = np.r_[light, direct_field(scene, 0 * z, 0 * z, z, medium=np.ones(6, bool))]
+    table = Readings.from_arrays(
+        z_m=np.r_[z, z], value=value, stderr=0.003 * value, medium=np.repeat(["water", "air"], 6)
+    )
+    found = attenuation(table, scene, trace)
+    assert found.apparent[0].K_per_m[0] < 0.05
+    page, said = attenuation_page(found), as_text(found)
+    assert "K lies between" not in page and "may leave K below absorption" in page
+    assert "do not fit" in said and "walls or a surface send back bends the line" in said
