@@ -95,7 +95,8 @@ def rows(found: Link) -> list[list[str]]:
             name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far, least=least),
             *(reached(at, most=far, least=least) for at in (r.data_with_echoes_m, r.data_formula_m)),
             docked(docking, near, least),
-            reached(docking.formula_m, from_m=docking.formula_from_m, most=near, least=least),
+            nearer(docking.formula_near_m)
+            + reached(docking.formula_m, from_m=docking.formula_from_m, most=near, least=least),
             reached(r.seen_m, r.seen_stderr_m, most=far, least=least),
             reached(r.seen_formula_m, most=far, least=least),
         ])  # fmt: skip
@@ -184,13 +185,17 @@ def reached(
     return f"{value:.1f} ± {max(stderr, 0.1):.1f} m" if np.isfinite(stderr) else f"{value:.1f} m"
 
 
+def nearer(end_m: float) -> str:
+    """Where it ends to hold near the lamp, if it does again farther away."""
+    return f"to {reached(end_m)}, " if np.isfinite(end_m) else ""
+
+
 def docked(reach: Reach, most: float, least: float) -> str:
     """Where an array knows its pose well enough, as far as the photons tell."""
     if not reach.is_told:
         return UNTOLD
     words = reached(reach.z_m, reach.stderr_m, reach.from_m, most, least, reach.from_stderr_m)
-    if np.isfinite(reach.near_m):
-        words = f"up to {reached(reach.near_m)}, and {words}"
+    words = nearer(reach.near_m) + words
     return f"{words} ({reach.sure_m:.1f} m for sure)" if np.isfinite(reach.sure_m) else words
 
 

@@ -55,7 +55,7 @@ class Reach:
     sure_m : float
         Where `z_m` is infinite, and photons leave the farthest distances in doubt: up to where it holds all
         the same; else NaN.
-    near_m : float
+    near_m, formula_near_m : float
         Where it begins to hold away from the lamp, and surely holds at the nearest distance asked as well: up
         to where it does there; else NaN.
     """
@@ -69,6 +69,7 @@ class Reach:
     from_stderr_m: float = float("nan")
     sure_m: float = float("nan")
     near_m: float = float("nan")
+    formula_near_m: float = float("nan")
 
     @property
     def is_told(self) -> bool:
@@ -125,10 +126,19 @@ def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> R
     """
     nothing = float("nan")
     formula_near, formula_far = _stretch(z, formula, formula <= 0)
-    of_formula = formula_near if formula_near > z[0] else nothing
+    of_formula, near_of_formula = nothing, nothing
+    if formula_near > z[0]:
+        of_formula, near_of_formula = formula_near, _first_end(z, formula, formula[0] <= 0)
     worse = over + np.log1p(_SURE * doubt)
     if (over <= 0).any() and not (worse <= 0).any():
-        return Reach(name, nothing, float("inf"), formula_far, formula_from_m=of_formula)
+        return Reach(
+            name,
+            nothing,
+            float("inf"),
+            formula_far,
+            formula_from_m=of_formula,
+            formula_near_m=near_of_formula,
+        )
     near, far = _stretch(z, over, worse <= 0)
     sure = _stretch(z, worse, worse <= 0)[1]
 
@@ -136,12 +146,16 @@ def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> R
         return float(np.interp(at, z, doubt) / np.abs(np.interp(at, z, np.gradient(over, z))))
 
     begins, ends = near > z[0], np.isfinite(far)
-    at_once = begins and worse[0] <= 0
     return Reach(
         name, far, error(far) if ends else nothing, formula_far, near if begins else nothing, of_formula,
         error(near) if begins else nothing, nothing if ends or np.isinf(sure) else sure,
-        _stretch(z, over, z == z[0])[1] if at_once else nothing,
+        _first_end(z, over, begins and worse[0] <= 0), near_of_formula,
     )  # fmt: skip
+
+
+def _first_end(z: Array, over: Array, counts: bool | np.bool_) -> float:
+    """Where the stretch that begins at once ends, if it counts; else NaN."""
+    return _stretch(z, over, z == z[0])[1] if counts else float("nan")
 
 
 def _stretch(z: Array, over: Array, counts: Mask) -> tuple[float, float]:

@@ -116,7 +116,10 @@ def columns(found: WorkingRange) -> tuple[str, ...]:
 def rows(found: WorkingRange) -> list[list[str]]:
     """Rule, distance with its error where light was traced, and that of the formula, as text."""
     words = rules(found)
-    formula = [_from(r.formula_from_m) + distance_or_none(r.formula_m) for r in found.reaches]
+    formula = [
+        _near(r.formula_near_m) + _from(r.formula_from_m) + distance_or_none(r.formula_m)
+        for r in found.reaches
+    ]
     if not found.traced:
         return [[words[r.name], told] for r, told in zip(found.reaches, formula, strict=True)]
     return [[words[r.name], distance(r), told] for r, told in zip(found.reaches, formula, strict=True)]
@@ -128,13 +131,17 @@ def distance(reach: Reach) -> str:
         return UNTOLD
     far = f"{reach.z_m:.2f}{_pm(reach.stderr_m)} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
     sure = f" (for sure to {reach.sure_m:.2f} m)" if np.isfinite(reach.sure_m) else ""
-    nearer = f"up to {reach.near_m:.2f} m, and " if np.isfinite(reach.near_m) else ""
-    return nearer + _from(reach.from_m, reach.from_stderr_m) + far + sure
+    return _near(reach.near_m) + _from(reach.from_m, reach.from_stderr_m) + far + sure
 
 
 def _pm(stderr: float) -> str:
     """An error behind its number. No error is none: what is smaller than the last digit is that digit."""
     return f" ± {max(stderr, 0.01):.2f}" if np.isfinite(stderr) and stderr > 0 else ""
+
+
+def _near(end_m: float) -> str:
+    """Where it ends to hold near the lamp, if it does again farther away."""
+    return f"to {end_m:.2f} m, " if np.isfinite(end_m) else ""
 
 
 def _from(near_m: float, stderr_m: float = 0.0) -> str:
@@ -166,6 +173,7 @@ def as_data(found: WorkingRange) -> dict[str, Any]:
                 "near_m": finite(r.near_m),
                 "told": r.is_told,
                 "formula_from_m": finite(r.formula_from_m),
+                "formula_near_m": finite(r.formula_near_m),
                 "beyond_all_asked": bool(np.isinf(r.z_m)),
             }
             for r in found.reaches

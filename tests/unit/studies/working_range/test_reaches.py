@@ -17,7 +17,7 @@ FINE = np.linspace(2.0, 10.0, 600)
 LIMIT = 0.3
 
 
-def along(sigma_m: Array, doubt: Array) -> Reach:
+def along(sigma_m: Array, doubt: Array, formula_m: Array | None = None) -> Reach:
     """The reach along the beam, where its bound and the relative error of that are these at `Z`."""
     columns = {}
     for axis, (_, unit, limit) in POSE_RULES.items():
@@ -25,7 +25,8 @@ def along(sigma_m: Array, doubt: Array) -> Reach:
             bound, error = (sigma_m, doubt) if axis == "along" else (0.1 * limit + 0 * Z, 0 * Z)
             columns[f"sigma_{axis}{gain}_{unit}"] = ("z_m", bound)
             columns[f"sigma_{axis}{gain}_stderr_{unit}"] = ("z_m", bound * error)
-            columns[f"sigma_{axis}{gain}_formula_{unit}"] = ("z_m", 0.1 * limit + 0 * Z)
+            straight = formula_m if axis == "along" and formula_m is not None else 0.1 * limit + 0 * Z
+            columns[f"sigma_{axis}{gain}_formula_{unit}"] = ("z_m", straight)
     found = pose_reaches(xr.Dataset(columns, coords={"z_m": Z}), FINE)
     return next(r for r in found if r.name == "pose_along")
 
@@ -42,11 +43,12 @@ def test_noise_of_the_far_end_is_no_stretch() -> None:
 def test_a_far_stretch_that_is_known_is_told() -> None:
     """The same bound, known to a hundredth: 9.0 m is where ln(sigma / limit) = 1 - 1.25 (z - 8.2) is 0."""
     sigma = LIMIT * np.exp(0.5 * np.minimum(Z - 6, 2) - 1.25 * np.clip(Z - 8.2, 0, None))
-    found = along(sigma, np.full(len(Z), 0.01))
+    found = along(sigma, np.full(len(Z), 0.01), sigma)
+    assert found.formula_near_m == pytest.approx(6.0, abs=1e-3) and found.formula_from_m == found.from_m
     assert found.from_m == pytest.approx(8.2 + 1 / 1.25, abs=0.01) and np.isinf(found.z_m)
     assert found.near_m == pytest.approx(6.0, abs=1e-3)
-    assert distance(found) == "up to 6.00 m, and 9.00 ± 0.01 m to beyond all asked"
-    assert docked(found, 10.0, 2.0).startswith("up to 6.0 m, and ")
+    assert distance(found) == "to 6.00 m, 9.00 ± 0.01 m to beyond all asked"
+    assert docked(found, 10.0, 2.0).startswith("to 6.0 m, ")
 
 
 def test_where_it_begins_to_hold_has_an_error() -> None:
