@@ -9,7 +9,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.progress import Listener, heard_by, step
@@ -18,6 +17,7 @@ from lightfield.render.diffuse.between_g import SHAPES
 from lightfield.render.maps import transport_key
 from lightfield.render.response import response_cache
 from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.directed_tallies import DirectedTallies, Entries
 from lightfield.render.response.grid import Grid, angle_nodes
 from lightfield.render.response.response import NEVER_SCATTERED, Reference, light_classes
 from lightfield.render.response.symmetry import MirrorImages, mirror_images
@@ -82,7 +82,7 @@ class DirectedTrace:
         from lightfield.render.tracer.accumulate import free_memory, trace_by_direction
 
         scene, nodes, images = self.scene, self.beam_nodes, self.images
-        seen: list[tuple[NDArray[np.integer[Any]], Array]] = []  # rows that were lit, and their tallies
+        seen: list[Entries] = []
         errors = []
         under = " under the water surface" if scene.surface_reflects else ""
 
@@ -98,25 +98,20 @@ class DirectedTrace:
                 tally, lit, stderr, histories, excess, density = trace_by_direction(
                     one, self.grid, self.reference, nodes, sent, self.seed, images, self.classes
                 )
-            seen.append((lit, tally))
+            seen.append(Entries.of(tally, lit))
             errors.append(stderr)
             del tally
         free_memory()
-        used = np.unique(np.concatenate([lit for lit, _ in seen]))
+        used = np.unique(np.concatenate([each.row for each in seen]))
         rows = used[np.argsort(light_classes(histories)[used], kind="stable")]
-        place, relative = np.zeros(len(histories), int), np.array(errors)
+        place, relative = np.zeros(len(histories), np.int32), np.array(errors)
         place[rows] = np.arange(len(rows))
         # Light that was never scattered knows no g: the traces are one.
         part, kinds = np.array(self.photons) / sum(self.photons), list(NEVER_SCATTERED)
         relative[:, kinds] = np.sqrt(np.tensordot(part**2, relative[:, kinds] ** 2, axes=1))
-        stacked = np.zeros((len(seen), nodes.nodes.size, len(rows), len(images.kept)), np.float32)
-        for at in reversed(range(len(stacked))):
-            lit, tally = seen.pop()
-            stacked[at][:, place[lit]] = tally
-        once = histories[rows, 0] == 0
-        stacked[:, :, once] = sum(p * t[:, once] for p, t in zip(part, stacked, strict=True))
-        return {
-            "tallies": stacked,
+        entries = [each._replace(row=place[each.row]) for each in seen]
+        tallies = DirectedTallies.of(entries, part, histories[rows], len(images.kept), nodes.nodes.size)
+        return tallies.packed() | {
             "relative_stderr": relative,
             "histories": histories[rows],
             "excess_m": excess[rows],

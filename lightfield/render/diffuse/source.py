@@ -20,6 +20,7 @@ from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, 
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
 from lightfield.render.reflected.reflected_light import ReflectedLight, applies
 from lightfield.render.response.beam_tallies import BeamTallies, Sent
+from lightfield.render.response.directed_tallies import DirectedTallies
 from lightfield.render.response.grid import Grid, fineness, positions_grid, straight_path
 from lightfield.render.response.response import (
     CLASSES,
@@ -181,7 +182,8 @@ def _light(trace: DirectedTrace, keeper: Keeper, walls: csr_array, ratios: csr_a
         )
         sent = Sent(np.asarray(stored["density"], float), trace.scene.lamp)
         z = trace.grid.centres()[2].ravel()
-        beams = BeamTallies(list(stored["tallies"]), histories, trace.beam_nodes, sent, z, images, walls)
+        tallies = DirectedTallies.unpacked(stored, histories)
+        beams = BeamTallies(tallies, trace.beam_nodes, sent, z, images, walls)
         return Traced(beams, stored["relative_stderr"] * images.error, rows, rows_of_kept)
 
     shape = SHAPES.get(trace.scene.water.phase.type, SHAPES["henyey-greenstein"])

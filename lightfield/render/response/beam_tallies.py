@@ -14,7 +14,8 @@ from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
 from lightfield.render.response.beam_nodes import BeamNodes
-from lightfield.render.response.response import CLASSES, FROM_WALLS, NEVER_SCATTERED, light_classes
+from lightfield.render.response.directed_tallies import DirectedTallies
+from lightfield.render.response.response import FROM_WALLS
 from lightfield.render.response.symmetry import MirrorImages
 from lightfield.scene import Lamp
 from lightfield.scene.acts import Acts
@@ -50,29 +51,26 @@ class BeamTallies:
 
     Parameters
     ----------
-    tallies : list of arrays, shape (n_emission_nodes, n_rows, n_kept)
-        One per trace, of which the caller knows what makes them differ (g); of the cells that `images` keeps.
-    histories : array of int, shape (n_rows, 3)
-        Scatterings, wall hits and surface reflections of each row; classes of light one after the other.
+    tallies : DirectedTallies
+        The caller knows what makes traces differ (g); of the cells that `images` keeps. Light that was never
+        scattered stands in the first.
     cell_z_m : array, shape (n_cells,), m
         Plane by plane.
     wall_smoother : sparse array, shape (n_cells, n_cells)
         For light from walls.
     """
 
-    tallies: list[Array]
-    histories: NDArray[np.integer[Any]]
+    tallies: DirectedTallies
     beam_nodes: BeamNodes
     sent: Sent
     cell_z_m: Array
     images: MirrorImages
     wall_smoother: csr_array
 
-    @cached_property
+    @property
     def rows_of(self) -> dict[int, NDArray[np.integer[Any]]]:
         """Numbers of the rows of every class that was traced, see `light_classes`."""
-        kinds = light_classes(self.histories)
-        return {kind: np.flatnonzero(kinds == kind) for kind in range(CLASSES) if (kinds == kind).any()}
+        return self.tallies.rows_of
 
     def contracted(self, kind: int, lamp: Lamp, squares: bool = False) -> Array:
         """Tallies of one class of light, contracted with a beam, shape (n_g, n_rows, n_cells).
@@ -90,7 +88,7 @@ class BeamTallies:
 
     @cached_property
     def _contracted(self) -> Callable[[int, bool, Beam], Array]:
-        rows = max(self._known_g(kind) * len(rows) for kind, rows in self.rows_of.items())
+        rows = max(each.shape[0] for each in self.tallies.lines.values()) // self.tallies.cells
         largest = np.dtype(np.float32).itemsize * rows * len(self.cell_z_m)
         return lru_cache(int(np.clip(KEPT_BYTES / largest, FEWEST_BEAMS, KEPT_BEAMS)))(self._contract)
 
@@ -131,26 +129,16 @@ class BeamTallies:
         else:
             flips, which = np.unique(flipped @ (2, 1), return_inverse=True)
             beams = np.stack([values[nodes.mirrored(bool(f // 2), bool(f % 2))] for f in flips])
-        rows = self.rows_of[kind]
         kept = slice(int(place.min()), int(place.max()) + 1)
-        shape = self._known_g(kind), len(rows), kept.stop - kept.start if of_rings else len(place)
-        out = np.empty(shape, np.float32)
-        for g, tally in zip(out, self._of_rings if of_rings else self.tallies, strict=False):
-            some = tally[:, rows[0] : rows[-1] + 1]
-            # Row by row, without a copy of the tallies of one class.
-            found = (beams @ some[:, :, kept].transpose(1, 0, 2)).transpose(1, 0, 2)
-            g[:] = found[0] if of_rings else found[which, :, place - kept.start].T
-        return out
-
-    def _known_g(self, kind: int) -> int:
-        """How many values of g a class of light tells apart."""
-        return 1 if kind in NEVER_SCATTERED else len(self.tallies)
+        found = (self._of_rings if of_rings else self.tallies).light(kind, kept, beams)
+        if not of_rings:
+            found = found[place - kept.start, ..., which]
+        return np.ascontiguousarray(np.moveaxis(found.reshape(*found.shape[:3]), 0, -1))
 
     @cached_property
-    def _of_rings(self) -> list[Array]:
+    def _of_rings(self) -> DirectedTallies:
         """The tallies with the sectors of every ring of emission added up."""
-        nodes = self.beam_nodes.nodes
-        return [t.reshape(nodes.n_theta, nodes.n_phi, *t.shape[1:]).sum(axis=1) for t in self.tallies]
+        return self.tallies.added(self.beam_nodes.nodes.n_phi)
 
     @cached_property
     def _coefficients(self) -> Callable[[Beam, float], Array]:
@@ -184,7 +172,7 @@ class BeamTallies:
         def of(index: int, kind: int) -> Array:
             return self._concentration(index, kind, self.sent.lamp, np.ones((1, len(self.rows_of[kind]))))
 
-        return lru_cache(CLASSES * len(self.tallies))(of)
+        return lru_cache(None)(of)
 
     def _concentration(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Sum of products over the product of the sums of what single photons bring, up to a constant."""

@@ -20,7 +20,7 @@ from lightfield.errors import OutputError
 from lightfield.storage.cache import cache_dir
 from lightfield.storage.files import atomic_path, remove_leftovers
 
-FORMAT = 24  # raised whenever the walk, the tally, the light at readings or this file's layout changes
+FORMAT = 26  # raised whenever the walk, the tally, the light at readings or this file's layout changes
 LARGEST_BYTES = 4 << 30  # the entries used longest ago make room for new ones
 #: RuntimeError: it says that it is encrypted, or of a later version of zip.
 _OF_DAMAGE = (ValueError, KeyError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from directed import directed
 from numpy.testing import assert_allclose
 from scipy.sparse import eye_array
 from scipy.special import erf
@@ -59,7 +60,7 @@ def test_mirrored_beams_stand_for_mirror_images(lamp: dict[str, float]) -> None:
     kept = folded.transpose(1, 0, 2)
     histories = np.array([(1, 0, 0), (2, 0, 0), (3, 0, 0)])
     beams = BeamTallies(
-        [kept], histories, beam_nodes,
+        directed([kept], histories), beam_nodes,
         Sent(np.ones(nodes.n_theta), OPEN_WATER.lamp), z, images, eye_array(len(x), format="csr"),
     )  # fmt: skip
     beam = Scene.from_dict({"lamp": lamp}).lamp

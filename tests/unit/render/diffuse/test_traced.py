@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from directed import directed
 from scipy.sparse import eye_array
 
 from lightfield.render.diffuse.between_g import BetweenG
@@ -89,7 +90,7 @@ def test_light_of_a_round_beam_is_worked_out_in_one_of_mirror_images() -> None:
         TransportResponse(np.zeros((1, 0, 0)), histories, np.array([0.0, 0.1, 0.3]), way, reference, 1000)
         for way in (straight, straight[images.kept])
     )
-    beams = BeamTallies(tallies, histories, BeamNodes(nodes, 4.0), sent, z, images, even)
+    beams = BeamTallies(directed(tallies, histories), BeamNodes(nodes, 4.0), sent, z, images, even)
     traced = Traced(beams, np.full((2, 5, len(x)), 0.01), rows, rows_of_kept)
     light = TracedLight(lambda: traced, (0,), reference, BetweenG((0.87, 0.97), np.full(2, 0.5), even))
     a, b = np.array([0.1, 0.3]), np.array([0.15, 0.05])

@@ -6,6 +6,7 @@ import weakref
 
 import numpy as np
 import pytest
+from directed import directed
 from scipy.sparse import eye_array
 
 from lightfield.render.response import beam_tallies
@@ -25,8 +26,7 @@ def beams() -> BeamTallies:
     rng = np.random.default_rng(0)
     tallies = [rng.random((nodes.size, 3, len(images.kept))).astype(np.float32) for _ in range(2)]
     return BeamTallies(
-        tallies,
-        np.array([(1, 0, 0), (2, 0, 0), (0, 1, 0)]),
+        directed(tallies, np.array([(1, 0, 0), (2, 0, 0), (0, 1, 0)])),
         BeamNodes(nodes, 4.0),
         Sent(np.ones(nodes.n_theta), Lamp(hwhm_deg=4.0)),
         grid.centres()[2].ravel(),
