@@ -61,6 +61,10 @@ _LOG_SCALE = np.linspace(-3.0, 9.0, 121)
 #: Spread of ln(variance of the noise over the stated one) in the prior, and degrees of freedom of its Student
 #: distribution. Chosen: stated errors are good to a factor of 1.3 or so, but tails wide enough for one of 5.
 SCALE_SPREAD, _SCALE_DOF = 0.5, 4
+#: Readings to spare that stated errors count as, where the scale of the noise is judged: an estimate from so
+#: many has that spread (Smyth 2004, doi:10.2202/1544-6115.1027, eq. 3). Derived: ln of a mean of d squares of
+#: noise has the variance 2/d.
+STATED_COUNT_AS = 2 / SCALE_SPREAD**2
 #: An overstated part of the error budget must not make the readings look better than they can be. Chosen; on
 #: half and nearly twice of it no answer hangs (test_cascade.py).
 SMALLEST_SCALE = 0.5
@@ -343,7 +347,9 @@ def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, m
     return np.asarray(np.sqrt(1 + share * relative**2))
 
 
-def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, keep: Array) -> float:
+def noise_scale(
+    residual: Array, rich: Array, plain: Whitener, extra: Array, keep: Array, count_as: float = 0.0
+) -> float:
     """Variance factor of the quoted errors beside the rest of the error budget, by restricted likelihood.
 
     What is left beside the rich basis has the covariance phi + extra. In the eigenvectors of `extra` that is
@@ -356,6 +362,8 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
         Residual whitened by the quoted errors alone (`plain`).
     extra : array, shape (n, n)
         Covariance of the other terms of the budget.
+    count_as : float
+        Readings to spare that the quoted errors count as, see `likeliest_scale`.
     """
     kept = np.flatnonzero(keep > 0)
     spare = len(kept) - rich.shape[1]
@@ -370,10 +378,12 @@ def noise_scale(residual: Array, rich: Array, plain: Whitener, extra: Array, kee
         variance = np.exp(log_phi) + more
         return float(np.sum(np.log(variance) + square / variance))
 
-    return likeliest_scale(lambda low, high: deviance, float(square.sum()) / spare)
+    return likeliest_scale(lambda low, high: deviance, float(square.sum()) / spare, count_as)
 
 
-def likeliest_scale(within: Callable[[float, float], Callable[[float], float]], mean_square: float) -> float:
+def likeliest_scale(
+    within: Callable[[float, float], Callable[[float], float]], mean_square: float, count_as: float = 0.0
+) -> float:
     """Scale of least deviance that is credible.
 
     Parameters
@@ -382,11 +392,18 @@ def likeliest_scale(within: Callable[[float, float], Callable[[float], float]], 
         Takes bounds of ln(phi) and gives the deviance, a function of ln(phi), between them.
     mean_square : float
         Of the residual: the scale if there were no other errors.
+    count_as : float
+        Readings to spare with a mean square of one that are taken to have been seen before.
     """
     largest = max(mean_square, 2 * SMALLEST_SCALE)
     low, high = float(np.log(SMALLEST_SCALE)), float(np.log(2 * largest))
-    deviance, grid = within(low, high), np.linspace(low, high, _SCALES_TRIED)
+
+    def with_known(deviance: Callable[[float], float]) -> Callable[[float], float]:
+        return lambda x: deviance(x) + count_as * float(x + np.exp(-x))
+
+    deviance, grid = with_known(within(low, high)), np.linspace(low, high, _SCALES_TRIED)
     best = grid[int(np.argmin([deviance(x) for x in grid]))]
     width = grid[1] - grid[0]
     low, high = max(best - width, low), best + width
-    return float(np.exp(optimize.minimize_scalar(within(low, high), bounds=(low, high), method="bounded").x))
+    nearer = with_known(within(low, high))
+    return float(np.exp(optimize.minimize_scalar(nearer, bounds=(low, high), method="bounded").x))

@@ -24,7 +24,13 @@ _AT_ONCE = 128
 
 
 def scale_along(
-    residual: Array, rich: Array, plain: Whitener, noise: Noise, tolerance: float, keep: Array
+    residual: Array,
+    rich: Array,
+    plain: Whitener,
+    noise: Noise,
+    tolerance: float,
+    keep: Array,
+    count_as: float = 0.0,
 ) -> float:
     """What `robust.noise_scale` gives, from the covariance as a chain (Patterson and Thompson 1971).
 
@@ -49,7 +55,7 @@ def scale_along(
     if not own.of_moments and len(stays) <= _FEW_STAYS:
         shared = [*own.smooth_parts(tolerance), gain[:, None] * (stay[:, None] == stays)]
         along = _deviance(own, plain.rho, shared, coloured)
-        return likeliest_scale(lambda low, high: along, rest / spare)
+        return likeliest_scale(lambda low, high: along, rest / spare, count_as)
     smooth = own.smooth_columns(tolerance)
     raw = np.hstack([smooth, coloured])
     rough = own.without_light
@@ -65,7 +71,7 @@ def scale_along(
     def polynomial(low: float, high: float) -> Callable[[float], float]:
         return Chebyshev.interpolate(np.vectorize(deviance, [float]), _DEGREE, domain=[low, high])
 
-    return likeliest_scale(polynomial, rest / spare)
+    return likeliest_scale(polynomial, rest / spare, count_as)
 
 
 def _deviance(noise: Noise, rho: float, shared: list[Array], columns: Array) -> Callable[[float], float]:

@@ -20,6 +20,7 @@ from scipy import special
 from lightfield.arrays import TINY, Array
 from lightfield.decompositions import thin_svd
 from lightfield.diagnosis.adequacy.level import ALPHA
+from lightfield.diagnosis.adequacy.robust import STATED_COUNT_AS
 from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, beside, combined, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem
@@ -88,7 +89,7 @@ class Adequacy:
     ----------
     p : float
         Family-wise probability of so bad a worst test if nothing were missing.
-    phi, nu : float, int
+    phi, nu : float
         Pure-error variance scale from what neither an effect nor a smooth unknown can reach; its degrees of
         freedom.
     tests : mapping
@@ -103,7 +104,7 @@ class Adequacy:
 
     p: float
     phi: float
-    nu: int
+    nu: float
     tests: Mapping[object, float]
     scores: tuple[Score, ...]
     amplitudes: tuple[Array, ...]
@@ -182,7 +183,8 @@ class AdequacyTest:
             squares = np.einsum("ij,ij->j", replicates, replicates, dtype=float)
             self._seen = self._unknown(replicates), squares
         unknown, squares = self._seen
-        views = _Views(_moved(fit), scores, self.unknowns, int(self.problem.keep.sum()))
+        count_as = STATED_COUNT_AS if self.errors_stated else 0.0
+        views = _Views(_moved(fit), scores, self.unknowns, int(self.problem.keep.sum()), count_as)
         chance = views.least_p(replicates, unknown, squares)
         residual = fit.residual[:, None]
         seen_p, labels, phi = views.p_values(residual, self._unknown(residual), (residual**2).sum(0))
@@ -227,17 +229,24 @@ class _Views:
         Whitened.
     kept : int
         Number of readings.
+    count_as : float
+        Readings to spare that the whitening counts as.
 
     Attributes
     ----------
-    nu : int
+    nu : float
         Degrees of freedom of the pure error.
     scale_taken : bool
         Too few: the scale of the errors is taken as stated.
     """
 
     def __init__(
-        self, free: Array, scores: tuple[Score, ...], unknowns: Mapping[str, Array], kept: int
+        self,
+        free: Array,
+        scores: tuple[Score, ...],
+        unknowns: Mapping[str, Array],
+        kept: int,
+        count_as: float = 0.0,
     ) -> None:
         self.scores = [s for s in scores if s.testable]
         self._free = free
@@ -290,7 +299,7 @@ class _Views:
             reach = basis(np.hstack([whole("effects"), within("x")]))
         spare = kept - free.shape[1] - reach.shape[1]
         self.scale_taken = spare < FEWEST_SPARE
-        self.nu = _CERTAIN if self.scale_taken else spare
+        self.nu, self._known = _CERTAIN if self.scale_taken else spare + count_as, count_as
         self._reach = reach
         self._parts = tuple(parts)
 
@@ -347,7 +356,7 @@ class _Views:
         phi = np.ones_like(total)
         if not self.scale_taken:
             reached = ((self._reach.T @ every) ** 2).sum(0)
-            phi = np.maximum(total - reached, _ROUNDING * total + TINY) / nu
+            phi = (np.maximum(total - reached, _ROUNDING * total + TINY) + self._known) / nu
         rest: dict[object, Array] = {}
         for name, basis in self._spans.items():
             if basis.shape[1]:
@@ -366,12 +375,12 @@ def _only_sign(score: Score) -> float | None:
     return float(np.sign(score.to_amplitude.flat[np.abs(score.to_amplitude).argmax()]))
 
 
-def _one_tail(nu: int, z: Array) -> Array:
+def _one_tail(nu: float, z: Array) -> Array:
     """p of a statistic that counts in one direction alone, shape (m,); 1 in the other."""
     return np.where(z > 0, special.stdtr(nu, -z), 1.0)
 
 
-def _p_together(nu: int, projected: Array, phi: Array) -> Array:
+def _p_together(nu: float, projected: Array, phi: Array) -> Array:
     """p of several directions together, shape (q, m), by the F test."""
     q = len(projected)
     return np.asarray(special.fdtrc(q, nu, (projected**2).sum(0) / q / phi))

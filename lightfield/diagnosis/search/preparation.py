@@ -20,6 +20,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.robust import (
     SAME_RHO,
+    STATED_COUNT_AS,
     Serial,
     noise_scale,
     scatter_law,
@@ -303,10 +304,11 @@ def whitening(prepared: Prepared, tolerance: float) -> Whitener:
     problem, noise = prepared.problem, prepared.noise
     plain, reference, rich = prepared.richest
     about = with_response_error(problem, noise, reference)
+    count_as = STATED_COUNT_AS if prepared.errors_stated else 0.0
     if problem.layout.size <= WHITENED_WHOLE:
-        phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep)
+        phi = noise_scale(reference.residual, rich, plain, about.extra(tolerance), problem.keep, count_as)
     else:
-        phi = scale_along(reference.residual, rich, plain, about, tolerance, problem.keep)
+        phi = scale_along(reference.residual, rich, plain, about, tolerance, problem.keep, count_as)
     return Whitener(noise, plain.rho, phi, tolerance)
 
 

@@ -58,7 +58,7 @@ class Ground:
 
     test: AdequacyTest
     phi: float
-    nu: int
+    nu: float
 
     @property
     def problem(self) -> Problem:

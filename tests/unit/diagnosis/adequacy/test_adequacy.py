@@ -38,7 +38,7 @@ def test_a_score_is_the_t_test_of_a_regression() -> None:
     scale of the errors from the residual beside all that could be fitted."""
     made = toy()
     problem = made.drawn(np.random.default_rng(3), odd=2.0, dusk=-1.0)
-    found = made.test(problem, replicates(made, 9))(made.fit(problem))
+    found = made.test(problem, replicates(made, 9), errors_stated=False)(made.fit(problem))
     columns, value = reached(made), problem.value / made.sigma
     rest = value - columns @ np.linalg.lstsq(columns, value, rcond=1e-6)[0]
     nu = len(value) - np.linalg.matrix_rank(columns, tol=1e-6 * np.linalg.norm(columns, 2))
@@ -51,6 +51,9 @@ def test_a_score_is_the_t_test_of_a_regression() -> None:
         assert 1 / score.length == pytest.approx(stderr, rel=1e-6)
         expected = 2 * stats.t.sf(abs(slopes[-1]) / stderr / np.sqrt(found.phi), nu)
         assert found.tests[score.key] == pytest.approx(expected, rel=1e-6)
+    # Stated errors count as eight readings more that scatter as they say.
+    stated = made.test(problem, replicates(made, 9))(made.fit(problem))
+    assert (stated.nu, stated.phi) == (nu + 8, pytest.approx((rest @ rest + 8) / (nu + 8), rel=1e-6))
 
 
 @pytest.mark.parametrize("one_sided", [False, True])
@@ -87,17 +90,17 @@ def test_what_the_base_model_does_itself_cannot_be_tested() -> None:
 
 
 def p_values(made: Toy, sets: int, count: int, factor: float = 1.0) -> list[score_tests.Adequacy]:
-    """Tests of so many sets of readings of the base model."""
+    """Tests of so many sets of readings of the base model, whose errors are stated where they are right."""
     noise, rng, out = replicates(made, count), np.random.default_rng(7), []
     for _ in range(sets):
         problem = made.drawn(rng, factor)
-        out.append(made.test(problem, noise)(made.fit(problem)))
+        out.append(made.test(problem, noise, errors_stated=factor == 1)(made.fit(problem)))
     return out
 
 
 @pytest.mark.parametrize(("one_sided", "factor"), [(False, 1.0), (True, 1.0), (False, 1.7)])
 def test_where_nothing_is_missing_p_is_uniform(one_sided: bool, factor: float) -> None:
-    """Kolmogorov and Smirnov on 120 sets, at 0.1 %; also with errors stated 1.7 times too small. Steps of p
+    """Kolmogorov and Smirnov on 120 sets, at 0.1 %; also with errors assumed 1.7 times too small. Steps of p
     (1 / 300) are far below what the test sees."""
     made = toy(one_sided)
     found = p_values(made, 120, 299, factor)

@@ -10,7 +10,14 @@ from scipy import stats
 from toy_problem import layout
 
 from lightfield.diagnosis.adequacy import robust
-from lightfield.diagnosis.adequacy.robust import likeliest_scale, noise_scale, outliers, scattered
+from lightfield.diagnosis.adequacy.robust import (
+    SCALE_SPREAD,
+    STATED_COUNT_AS,
+    likeliest_scale,
+    noise_scale,
+    outliers,
+    scattered,
+)
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.whitening import Whitener
 
@@ -156,6 +163,27 @@ def test_the_scale_of_the_noise_is_unbiased_and_efficient(phi: float, gain: floa
     assert np.mean(found) == pytest.approx(phi, abs=4 * np.std(found) / np.sqrt(150))
     # The standard deviation of 150 is known to 6 %; five gains take five directions of 88.
     assert np.std(found) == pytest.approx(least, rel=0.25)
+
+
+def test_beside_few_readings_the_scale_is_near_what_is_stated() -> None:
+    """300 sets of eight readings to spare, whose errors are stated as well as stated errors are: ln(scale) of
+    what both tell is off by sqrt(2 / (8 + 8)), of the readings alone, though none below a half is
+    believed, by more. Of 88 to spare
+    errors stated half as large as they are are told to be twice as large, but for a twentieth."""
+    rng, off = np.random.default_rng(5), []
+    n = K + 8
+    plain, rich = plain_noise(n)[1], basis(n)
+    for _ in range(300):
+        log = SCALE_SPREAD * rng.standard_normal()
+        residual = np.exp(log / 2) * rng.standard_normal(n)
+        residual -= rich @ (rich.T @ residual)
+        both = [noise_scale(residual, rich, plain, np.zeros((n, n)), np.ones(n), k) for k in (0, 8)]
+        off.append(np.log(both) - log)
+    alone, with_stated = np.sqrt(np.mean(np.square(off), axis=0))
+    assert STATED_COUNT_AS == 8
+    assert with_stated == pytest.approx(np.sqrt(2 / 16), rel=0.15) and alone > 1.15 * with_stated
+    found = likeliest_scale(lambda low, high: lambda x: 88 * x + 352 * np.exp(-x), 4.0, STATED_COUNT_AS)
+    assert found == pytest.approx((352 + 8) / 96, rel=1e-4)
 
 
 def test_a_scale_below_the_smallest_is_not_believed() -> None:
