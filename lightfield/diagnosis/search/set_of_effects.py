@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -35,6 +35,20 @@ class FittedSet:
     def bounded(self) -> set[str]:
         """Paths of what lies at an end of its range."""
         return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
+
+    @cached_property
+    def at_edge(self) -> bool:
+        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?
+
+        That an effect which the scene has is not there at all is an answer, not an edge.
+        """
+        found = self.fit.by_path
+        return not self.bounded.isdisjoint(
+            p.path
+            for c in self.explanation
+            for p, off in zip(c.amplitudes, c.neutral, strict=True)
+            if not (c.is_stated and found[p.path] == off)
+        )
 
     @cached_property
     def chi2(self) -> float:
@@ -74,26 +88,14 @@ class ScoredSet:
 
     @property
     def at_edge(self) -> bool:
-        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?
-
-        That an effect which the scene has is not there at all is an answer, not an edge.
-        """
-        found = self.fit.by_path
-        return self._bounded(
-            p.path
-            for c in self.explanation
-            for p, off in zip(c.amplitudes, c.neutral, strict=True)
-            if not (c.is_stated and found[p.path] == off)
-        )
+        """See `FittedSet.at_edge`."""
+        return FittedSet(self.explanation, self.fit).at_edge
 
     @property
     def at_bound(self) -> bool:
         """Does any parameter of the effects lie at a bound, a shape included?"""
-        return self._bounded(p.path for c in self.explanation for p in c.parameters)
-
-    def _bounded(self, paths: Iterable[str]) -> bool:
-        bounded = {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
-        return not bounded.isdisjoint(paths)
+        bounded = FittedSet(self.explanation, self.fit).bounded
+        return not bounded.isdisjoint(p.path for c in self.explanation for p in c.parameters)
 
     @property
     def undetermined(self) -> bool:

@@ -14,8 +14,8 @@ from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import Settled
 from lightfield.diagnosis.search.cascade import SearchResult, level_for, with_base
-from lightfield.diagnosis.search.pool.answer import named
-from lightfield.diagnosis.search.pool.evidence import GAP, evidence
+from lightfield.diagnosis.search.pool.answer import NAMED_FIRST, named
+from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile_likelihood import profiled
 from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic
@@ -81,8 +81,8 @@ def _nearly(tried: list[ScoredSet], best: ScoredSet, alpha: float) -> list[Score
 
 
 def _named_first(passing: list[ScoredSet]) -> list[ScoredSet]:
-    """Best first, but of sets that are no further apart than a gap that with fewest curves."""
-    near = [t for t in passing if t.bic < passing[0].bic + GAP]
+    """Best first, but of sets that are hardly dearer that with fewest curves, as where they were found."""
+    near = [t for t in passing if t.bic <= passing[0].bic + NAMED_FIRST]
     first = min(near, key=lambda t: (sum(not named(c) for c in t.explanation), t.bic), default=None)
     return sorted(passing, key=lambda t: t is not first)
 

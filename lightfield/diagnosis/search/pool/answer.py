@@ -34,7 +34,7 @@ def the_answer(pool: Pool, found: FittedSet, alpha: float) -> FittedSet:
     alpha : float
         Level of the test.
     """
-    for sets in (_named_first, _cheaper_by_what_is_left):
+    for sets in (_named_first, _cheaper_by_what_is_left, _within_their_ranges):
         for node in sets(pool, found):
             exact = pool.exact(node)
             if pool.ground.test(exact.fit).passes(alpha):
@@ -46,20 +46,20 @@ def the_answer(pool: Pool, found: FittedSet, alpha: float) -> FittedSet:
 
 
 def _named_first(pool: Pool, found: FittedSet) -> Iterator[FittedSet]:
-    """Sets with fewer curves that cost little more, cheapest first.
+    """Sets with fewer curves that cost little more; those with fewest first, of these the cheapest.
 
     A curve follows whatever named effects it contains, and the noise besides. Where it is cheaper all the
     same, they are one of two ways to see it. A local unknown is no name.
     """
-    curves = {c.key for c in found.explanation if not named(c)}
-    limit = pool.cost(found) + NAMED_FIRST
-    for node in sorted(pool.nodes.values(), key=pool.cost):
-        if pool.cost(node) > limit:
-            break
-        fewer = {c.key for c in node.explanation if not named(c)} < curves
+    curves, limit = _curves(found), pool.cost(found) + NAMED_FIRST
+    near: list[tuple[int, float, FittedSet]] = []
+    for node in pool.nodes.values():
+        fewer = _curves(node)
         unknown = any(c.effect.family == UNKNOWN and c.key not in found.key for c in node.explanation)
-        if fewer and not unknown:
-            yield node
+        if fewer < curves and not unknown and (cost := pool.cost(node)) <= limit:
+            near.append((len(fewer), cost, node))
+    for *_, node in sorted(near, key=lambda one: one[:2]):
+        yield node
 
 
 def _cheaper_by_what_is_left(pool: Pool, found: FittedSet) -> Iterator[FittedSet]:
@@ -73,3 +73,20 @@ def _cheaper_by_what_is_left(pool: Pool, found: FittedSet) -> Iterator[FittedSet
         if weighing.above(node) > -NAMED_FIRST:
             break
         yield node
+
+
+def _within_their_ranges(pool: Pool, found: FittedSet) -> Iterator[FittedSet]:
+    """Where an effect is as large as is plausible at most, sets that cost little more without one that is,
+    cheapest first: of effects that do alike one with a number less can be that, and that alone, cheaper."""
+    if not found.at_edge:
+        return
+    curves, limit = _curves(found), pool.cost(found) + NAMED_FIRST
+    for node in sorted(pool.nodes.values(), key=pool.cost):
+        if pool.cost(node) > limit:
+            break
+        if not node.at_edge and _curves(node) <= curves:
+            yield node
+
+
+def _curves(node: FittedSet) -> set[tuple[str, str]]:
+    return {c.key for c in node.explanation if not named(c)}

@@ -11,7 +11,7 @@ from analytic_readings import readings
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.search.better_light import acceptance
-from lightfield.diagnosis.search.pool.evidence import GAP
+from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
 
 
@@ -23,13 +23,17 @@ def passed() -> ScoredSet:
 
 
 def test_named_forms_win_where_they_suffice(passed: ScoredSet) -> None:
-    """No curve is the answer that is no more than a gap cheaper than a name in its place."""
+    """No curve is the answer that is hardly cheaper than a name in its place."""
 
     def costing(bic: float, curves: int) -> ScoredSet:
         effects: Any = (SimpleNamespace(effect=SimpleNamespace(is_free_form=k < curves)) for k in range(3))
         return replace(passed, explanation=tuple(effects), bic=bic)
 
-    two, one, far = costing(10.0, 2), costing(10.0 + 0.9 * GAP, 1), costing(10.0 + 1.1 * GAP, 0)
+    two, one, far = (
+        costing(10.0, 2),
+        costing(10.0 + 0.9 * NAMED_FIRST, 1),
+        costing(10.0 + 1.1 * NAMED_FIRST, 0),
+    )
     assert acceptance._named_first([two, one, far]) == [one, two, far]
     assert acceptance._named_first([two, far]) == [two, far]
     assert acceptance._named_first([]) == []

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import many as beyond
 from lightfield.diagnosis.search.cascade import search
+from lightfield.diagnosis.search.pool import answer
 from lightfield.diagnosis.search.pool.answer import the_answer
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import FAMILY, Weighing
@@ -87,6 +90,43 @@ def test_an_effect_that_describes_noise_is_not_in_the_answer(size: float, kept: 
     found = the_answer(pool, two, ALPHA)
     assert found.names == ({"odd", "braid"} if kept else {"odd"})
     assert wide.test(found.fit).passes(ALPHA)
+
+
+def costing(cost: float, *names: str, at_edge: bool = False) -> SimpleNamespace:
+    """A fitted set of effects of these names."""
+    made = (SimpleNamespace(is_free_form="curve" in name, family=name) for name in names)
+    effects = [SimpleNamespace(effect=e, key=n) for e, n in zip(made, names, strict=True)]
+    return SimpleNamespace(explanation=effects, key=frozenset(names), cost=cost, at_edge=at_edge)
+
+
+def asked(
+    sets: Callable[..., Iterable[Any]], found: SimpleNamespace, *others: SimpleNamespace
+) -> list[set[str]]:
+    """What is asked for in place of what was found, of a pool of these."""
+    pool = SimpleNamespace(nodes=dict(enumerate([found, *others])), cost=lambda node: node.cost)
+    return [set(node.key) for node in sets(pool, found)]
+
+
+def test_named_effects_come_before_curves_beside_a_cheaper_set_of_fewer_curves() -> None:
+    """Of sets that cost at most 5 more than one of two curves, that of none is asked for first."""
+
+    found = costing(10.0, "curve 1", "curve 2")
+    others = [
+        costing(11.0, "a", "curve 2"),
+        costing(14.9, "a", "b"),
+        costing(15.1, "a"),
+        costing(9.0, "curve 3"),
+    ]
+    assert asked(answer._named_first, found, *others) == [{"a", "b"}, {"a", "curve 2"}]
+
+
+def test_an_effect_as_large_as_is_plausible_gives_way_to_one_that_is_not() -> None:
+    """Where that costs at most 5 more, and needs no curve."""
+    found = costing(10.0, "turned receiver", at_edge=True)
+    others = [costing(14.0, "tilt"), costing(12.0, "other", at_edge=True), costing(11.0, "curve")]
+    others.append(costing(15.1, "dear"))
+    assert asked(answer._within_their_ranges, found, *others) == [{"tilt"}]
+    assert asked(answer._within_their_ranges, costing(10.0, "small"), *others) == []
 
 
 def test_what_more_effects_do_not_explain_is_no_finding_of_two(monkeypatch: pytest.MonkeyPatch) -> None:
