@@ -14,6 +14,10 @@ from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.speech import in_unit, join
 from lightfield.fitting.least_squares import Fit
 
+#: Error over that of the best of another search from which a search is behind: light that was traced anew, or
+#: readings set aside, change it by less. Chosen.
+_BEHIND = 1.1
+
 
 @dataclass(frozen=True)
 class BestSoFar:
@@ -27,6 +31,10 @@ class BestSoFar:
     def error_percent(self) -> float:
         """Rms of (reading - model) / model over the bright readings."""
         return percent(self.problem, self.fit.prediction, bright(self.problem))
+
+    def is_behind(self, other: BestSoFar) -> bool:
+        """Does it miss the readings by clearly more than the best of another search?"""
+        return self.error_percent > _BEHIND * other.error_percent
 
 
 class SoFar:
@@ -56,9 +64,12 @@ class SoFar:
         """So many sets more were fitted, and this is the best so far."""
         self.sets += sets
         if self.best is None or fit is not self.best.fit:
-            self.best = BestSoFar(problem, explanation, fit)
+            here = BestSoFar(problem, explanation, fit)
             if not explanation:
-                self._base_percent = self.best.error_percent
+                self._base_percent = here.error_percent
+            # Every search calls its own best so: another one may begin far behind.
+            if self.best is None or problem is self.best.problem or not here.is_behind(self.best):
+                self.best = here
         if sets:
             self._tell(self._line(self.best))
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,6 +37,20 @@ def test_the_best_set_is_told_with_its_error() -> None:
     best = so_far.best.error_percent
     assert best == pytest.approx(noise, rel=3 / np.sqrt(2 * counted.sum()))
     assert f"error {best:.3g} % with background (without any" in so_far.as_text()
+
+
+def test_a_search_that_is_far_behind_does_not_replace_the_best() -> None:
+    """One of its own that is worse does, as fewer effects are; light that was traced anew changes little."""
+    so_far = SoFar()
+    layout = SimpleNamespace(plane_and_channel=np.zeros(3, int))
+    one, other = (SimpleNamespace(layout=layout, value=np.ones(3), keep=np.ones(3)) for _ in range(2))
+
+    def best_after(problem: Any, off: float) -> float:
+        so_far.tried(1, problem, (), SimpleNamespace(prediction=np.full(3, 1 / (1 + off))))
+        return so_far.best.error_percent if so_far.best else np.nan
+
+    tried = [(one, 0.02), (one, 0.03), (other, 0.2), (other, 0.031), (other, 0.1)]
+    assert [best_after(*each) for each in tried] == pytest.approx([2, 3, 3, 3.1, 10])
 
 
 def test_stopped_it_leaves_the_best_set(tmp_path: Path, capsys, monkeypatch) -> None:
