@@ -22,6 +22,7 @@ class Warns(str, Enum):
     MISFIT_IGNORED = "misfit within the tolerance"
     AT_BOUNDARY = "at boundary"
     OF_ITS_PHASE = "scattering is that of its phase function"
+    OF_THE_SCENES_PHASE = "scattering is that of the scene's phase function"
     WIDTH = "width far from the scene's"
     MORE_ABSORPTION = "absorption far above the scene's"
     LESS_ABSORPTION = "absorption far below the scene's"
@@ -80,10 +81,13 @@ _WORDS = {
     "fit may take it for something else",
     Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",
     Warns.AT_BOUNDARY: "{about} lies at the edge of its plausible range ({fitted:g}): not a finding",
-    Warns.OF_ITS_PHASE: "b and g are those of a Henyey-Greenstein phase function; where the water's own is "
+    Warns.OF_ITS_PHASE: "b and g, and the absorption beside them, are those of a Henyey-Greenstein phase "
+    "function; where the water's own is "
     "more peaked, its b is larger than this one (in rendered waters up to twice after Petzold, up to four "
     "times after Fournier and Forand): put it into the scene if b itself matters "
     '(of "fournier-forand" the slope mu is fitted with b)',
+    Warns.OF_THE_SCENES_PHASE: "{about} belongs to the scene's phase function, which is taken as right: its "
+    "error does not know that of g (0.006 of it were 4 errors in light walked with another one)",
     Warns.WIDTH: "the fitted width is {ratio:.2g} times the scene's (a half width of {fitted:.3g}, "
     "not {stated:.3g} degrees): check the unit of x_m and y_m (metres from the axis, not a diameter), and "
     "that the scene's is a half width at half maximum, not a full one",

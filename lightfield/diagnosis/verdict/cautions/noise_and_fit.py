@@ -18,6 +18,8 @@ from lightfield.readings import Readings
 #: Chosen: test_diagnosis.py has one that is spoken of and one that is not; errors stated twice too large
 #: scatter about a quarter, and less than half of what is stated is no danger to a finding.
 _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE, _LITTLE_CHANCE = 1.5, 0.4, 1e-3, 1e-2
+#: The one scattering coefficient that is fitted without a g of its own.
+_SETTLING = "water.settling_per_m"
 
 
 def variance_scale(prepared: Prepared, finding: SearchResult, about: Adequacy | None = None) -> float:
@@ -58,4 +60,6 @@ def cautions(
                 out.append(Caution(warns=Warns.AT_BOUNDARY, about=path, values={"fitted": estimate.value}))
         if "water.phase.g" in explanation.parameters:
             out.append(Caution(warns=Warns.OF_ITS_PHASE))
+        elif _SETTLING in explanation.parameters:
+            out.append(Caution(warns=Warns.OF_THE_SCENES_PHASE, about=_SETTLING))
     return out

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 from analytic_readings import readings
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.assumed import Assumed, Term
+from lightfield.diagnosis.verdict.cautions import noise_and_fit
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
 from lightfield.diagnosis.verdict.parts import PlaceToRead
@@ -91,6 +94,31 @@ def test_light_that_the_scene_has_and_the_model_lacks_is_told() -> None:
     for stated, told in ((scene, False), (murky, True)):
         verdict = diagnose(table, stated, diffuse=None, only=["beam_tilt"], advise=False).verdict
         assert any("was not traced and is not in the model" in text for text in verdict.warnings) == told
+
+
+@pytest.mark.parametrize(
+    ("fitted", "warns"),
+    [
+        (["water.settling_per_m"], Warns.OF_THE_SCENES_PHASE),
+        (["water.settling_per_m", "water.phase.g"], Warns.OF_ITS_PHASE),
+        (["water.drift_per_m_per_hour"], None),
+    ],
+)
+def test_scattering_is_that_of_a_phase_function(
+    monkeypatch: pytest.MonkeyPatch, fitted: list[str], warns: Warns | None
+) -> None:
+    """Of its own where that is fitted, else of the scene's: an error of g is not in that of b."""
+    adequacy = SimpleNamespace(phi=1.0, nu=50, scale_taken=False)
+    finding = SimpleNamespace(
+        best=None, closest=None, size=1, explaining=None, adequacy_of=lambda explaining: adequacy,
+        level=SimpleNamespace(bench=SimpleNamespace(phi=1.0), base=None, adequacy=adequacy), levels=[],
+    )  # fmt: skip
+    finding.levels.append(finding.level)
+    prepared = SimpleNamespace(doubted=False, errors_stated=True, excess=1.0, problem=None)
+    monkeypatch.setattr(noise_and_fit, "is_of_the_search_alone", lambda problem, fit: False)
+    told = SimpleNamespace(parameters={path: SimpleNamespace(reason=None) for path in fitted})
+    found = noise_and_fit.cautions(SimpleNamespace(warnings=[]), prepared, finding, [told])
+    assert [one.warns for one in found] == ([warns] if warns else [])
 
 
 def test_what_effects_explain_is_no_scatter() -> None:
