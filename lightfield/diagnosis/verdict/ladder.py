@@ -138,6 +138,8 @@ def _order(
                 fits[key] = problem.fit(part, whiten, [start, problem.default_start(base.u, part)])
             else:
                 fits[key] = _nearby(problem, part, whiten, start, full)
+                if fits[key].chi2 > before.chi2:  # more effects are no worse: those slopes lead elsewhere
+                    fits[key] = problem.fit(part, whiten, [start], tolerance=_ROUGHLY)
         return fits[key]
 
     def longer(order: tuple[int, ...]) -> list[tuple[tuple[int, ...], Fit]]:
