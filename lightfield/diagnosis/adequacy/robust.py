@@ -1,5 +1,4 @@
-"""Gross outliers, serial correlation and noise scale, judged beside the richest linear model so that no
-effect is lost.
+"""Gross outliers and serial correlation, judged beside the richest linear model so that no effect is lost.
 
 Points that carry a missing effect look like outliers of the base model. Here a reading is an outlier only
 when the base model, every effect's template and every smooth unknown together cannot reach it.
@@ -7,13 +6,13 @@ when the base model, every effect's template and every smooth unknown together c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize, special
+from scipy import special
 
 from lightfield.arrays import TINY, Array
 from lightfield.decompositions import eigen
@@ -21,7 +20,6 @@ from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
 from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA, NO_LIGHT
-from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import LOOSE, OPEN, Fit
 
 #: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil
@@ -61,19 +59,8 @@ _LOG_SCALE = np.linspace(-3.0, 9.0, 121)
 #: Spread of ln(variance of the noise over the stated one) in the prior, and degrees of freedom of its Student
 #: distribution. Chosen: stated errors are good to a factor of 1.3 or so, but tails wide enough for one of 5.
 SCALE_SPREAD, _SCALE_DOF = 0.5, 4
-#: Readings to spare that stated errors count as, where the scale of the noise is judged: an estimate from so
-#: many has that spread (Smyth 2004, doi:10.2202/1544-6115.1027, eq. 3). Derived: ln of a mean of d squares of
-#: noise has the variance 2/d.
-STATED_COUNT_AS = 2 / SCALE_SPREAD**2
-#: An overstated part of the error budget must not make the readings look better than they can be. Chosen; on
-#: half and nearly twice of it no answer hangs (test_cascade.py).
-SMALLEST_SCALE = 0.5
 #: From so many rows on products of columns are quicker than reflections, and as good. Chosen: time alone.
 _MANY_ROWS = 3000
-#: Beside fewer spare readings than this no scale is estimated. Chosen: from four its error is 70 %.
-FEWEST_TO_SCALE = 4
-#: Points at which a deviance is asked for before its minimum is sought between two of them. Chosen.
-_SCALES_TRIED = 40
 #: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
 #: reading. Chosen: the latter is twice `quoted.ASSUMED_FLOOR`.
 _FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
@@ -345,65 +332,3 @@ def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, m
     # Without evidence the stated errors are taken as they are.
     share = shares[best] if evidence[best] - evidence[0] > _EVIDENT else 0.0
     return np.asarray(np.sqrt(1 + share * relative**2))
-
-
-def noise_scale(
-    residual: Array, rich: Array, plain: Whitener, extra: Array, keep: Array, count_as: float = 0.0
-) -> float:
-    """Variance factor of the quoted errors beside the rest of the error budget, by restricted likelihood.
-
-    What is left beside the rich basis has the covariance phi + extra. In the eigenvectors of `extra` that is
-    a sum of independent terms, so that directions which the rest of the budget fills say little about phi
-    (Patterson and Thompson 1971).
-
-    Parameters
-    ----------
-    residual : array, shape (n,)
-        Residual whitened by the quoted errors alone (`plain`).
-    extra : array, shape (n, n)
-        Covariance of the other terms of the budget.
-    count_as : float
-        Readings to spare that the quoted errors count as, see `likeliest_scale`.
-    """
-    kept = np.flatnonzero(keep > 0)
-    spare = len(kept) - rich.shape[1]
-    if spare < FEWEST_TO_SCALE:
-        return 1.0
-    outside = np.linalg.qr(rich[kept], mode="complete")[0][:, rich.shape[1] :]
-    white = plain(plain(extra).T)[np.ix_(kept, kept)]
-    more, directions = eigen(outside.T @ white @ outside)
-    more, square = np.maximum(more, 0.0), (directions.T @ (outside.T @ residual[kept])) ** 2
-
-    def deviance(log_phi: float) -> float:
-        variance = np.exp(log_phi) + more
-        return float(np.sum(np.log(variance) + square / variance))
-
-    return likeliest_scale(lambda low, high: deviance, float(square.sum()) / spare, count_as)
-
-
-def likeliest_scale(
-    within: Callable[[float, float], Callable[[float], float]], mean_square: float, count_as: float = 0.0
-) -> float:
-    """Scale of least deviance that is credible.
-
-    Parameters
-    ----------
-    within : callable
-        Takes bounds of ln(phi) and gives the deviance, a function of ln(phi), between them.
-    mean_square : float
-        Of the residual: the scale if there were no other errors.
-    count_as : float
-        Readings to spare with a mean square of one that are taken to have been seen before.
-    """
-    largest = max(mean_square, 2 * SMALLEST_SCALE)
-    low, high = float(np.log(SMALLEST_SCALE)), float(np.log(2 * largest))
-
-    def with_known(deviance: Callable[[float], float]) -> Callable[[float], float]:
-        return lambda x: deviance(x) + count_as * float(x + np.exp(-x))
-
-    deviance, grid = with_known(within(low, high)), np.linspace(low, high, _SCALES_TRIED)
-    best = grid[int(np.argmin([deviance(x) for x in grid]))]
-    width = grid[1] - grid[0]
-    low, high = max(best - width, low), best + width
-    nearer = with_known(within(low, high))
-    return float(np.exp(optimize.minimize_scalar(nearer, bounds=(low, high), method="bounded").x))

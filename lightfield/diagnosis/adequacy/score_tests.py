@@ -20,7 +20,7 @@ from scipy import special
 from lightfield.arrays import TINY, Array
 from lightfield.decompositions import thin_svd
 from lightfield.diagnosis.adequacy.level import ALPHA
-from lightfield.diagnosis.adequacy.robust import STATED_COUNT_AS
+from lightfield.diagnosis.adequacy.scale import STATED_COUNT_AS
 from lightfield.diagnosis.adequacy.subspace import DISTINCT, INDEPENDENT, beside, combined, orthonormal
 from lightfield.diagnosis.adequacy.templates import Template, bank
 from lightfield.diagnosis.problem.problem import Problem

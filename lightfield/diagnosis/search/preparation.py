@@ -20,14 +20,12 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.robust import (
     SAME_RHO,
-    STATED_COUNT_AS,
     Serial,
-    noise_scale,
     scatter_law,
     serial_correlation,
     unstated_error,
 )
-from lightfield.diagnosis.adequacy.scale import scale_along
+from lightfield.diagnosis.adequacy.scale import STATED_COUNT_AS, noise_scale, scale_along
 from lightfield.diagnosis.adequacy.score_tests import VARIANCE_EXCESS, Adequacy, AdequacyTest
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
 from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Budget, Noise

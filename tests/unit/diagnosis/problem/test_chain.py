@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lightfield.diagnosis.adequacy.robust import noise_scale
-from lightfield.diagnosis.adequacy.scale import scale_along
+from lightfield.diagnosis.adequacy.scale import noise_scale, scale_along
 from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem.chain import fewer_columns, low_rank
 from lightfield.diagnosis.problem.dense import DenseFactor

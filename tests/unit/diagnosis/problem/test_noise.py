@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.adequacy.robust import (
-    noise_scale,
     outliers,
     scatter_law,
     scattered,
     serial_correlation,
     unstated_error,
 )
+from lightfield.diagnosis.adequacy.scale import noise_scale
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.quoted import smooth_stderr
