@@ -344,7 +344,8 @@ def _diagnose(inquiry: Inquiry, advise: bool) -> Diagnosis:
     starts = [finding.level.base, *([best.fit] if best else [])]
     progress("errors of planes held out")
     explanation, phi = best.explanation if best else (), finding.level.bench.phi * prepared.excess
-    steps = climb(prepared.problem, explanation, finding.whiten, starts, phi, advise)
+    sigma = standard_errors(prepared, finding)
+    steps = climb(prepared.problem, explanation, finding.whiten, starts, phi, sigma, advise)
     progress("rivals, limits and advice")
     lamp = calibration.judged_power(prepared, known.problem, finding)
     basis = compose.VerdictBasis(

@@ -120,14 +120,15 @@ def removed(steps: Sequence[Step], scale: float) -> list[float | None]:
 
 
 def _order(
-    problem: Problem, explanation: Explanation, whiten: Whiten, base: Fit, full: Fit
+    problem: Problem, explanation: Explanation, whiten: Whiten, base: Fit, full: Fit, sigma: Array
 ) -> tuple[Candidate, ...]:
     """The effects in the order in which each lowers the misfit most beside those before it.
 
     Where the error in per cent rises on that way, as it can while chi-square falls where the model is nearly
-    dark, the way on which it is lowest from rung to rung, and rises least.
+    dark, the way on which it is lowest from rung to rung, and rises least. Below the noise no rise is one.
     """
     known, counted = full.by_path, bright(problem)
+    floor = rms_over(sigma[counted], full.prediction[counted])
     fits = {frozenset[int](): base, frozenset(range(len(explanation))): full}
 
     def fitted(order: tuple[int, ...], before: Fit) -> Fit:
@@ -147,7 +148,8 @@ def _order(
         return [(one, fitted(one, fits[frozenset(order)])) for one in there]
 
     def error(order: tuple[int, ...]) -> float:
-        return percent(problem, fits[frozenset(order)].prediction, counted)
+        told = percent(problem, fits[frozenset(order)].prediction, counted)
+        return floor if told < floor else told
 
     way: tuple[int, ...] = ()
     rises = False
@@ -190,6 +192,7 @@ def climb(
     whiten: Whiten,
     starts: Sequence[Fit],
     phi: float,
+    sigma: Array,
     with_held_out: bool = True,
 ) -> list[Step]:
     """The rungs of an explanation: its effects are added in the order in which they lower the misfit most.
@@ -200,9 +203,11 @@ def climb(
         Fits whose coordinates may serve as starts: the base, and the explanation's own.
     phi : float
         Variance scale of the whitening, taken back out of chi-square.
+    sigma : array, shape (n,)
+        Standard errors of the readings.
     """
     base, full = starts[0], starts[-1]
-    order = _order(problem, explanation, whiten, base, full)
+    order = _order(problem, explanation, whiten, base, full, sigma)
     # What takes the place of a base parameter comes first: the rest would be bent to do its work.
     order = tuple(sorted(order, key=lambda c: not c.effect.instead_of))
     bent = any(c.effect.instead_of for c in order)

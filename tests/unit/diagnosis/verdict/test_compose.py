@@ -27,7 +27,7 @@ from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, re
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, LeftOver, Reason
 from lightfield.diagnosis.verdict.rest import left_over
 from lightfield.diagnosis.verdict.terminal import as_text
-from lightfield.diagnosis.verdict.trust import Trust
+from lightfield.diagnosis.verdict.trust import Trust, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words.rest import sentences
 from lightfield.fitting import effects
@@ -89,7 +89,15 @@ class Case:
         best, n = finding.best, self.problem.layout.size
         starts = [finding.level.base, *([best.fit] if best else [])]
         explanation = best.explanation if best else ()
-        steps = climb_of(self.problem, explanation, finding.whiten, starts, 1.0, with_held_out=False)
+        given = (
+            self.problem,
+            explanation,
+            finding.whiten,
+            starts,
+            1.0,
+            standard_errors(self.prepared, finding),
+        )
+        steps = climb_of(*given, with_held_out=False)
         left_out = np.zeros(n, bool)
         left_out[list(aside)] = True
         trust = Trust(0.5, np.where(left_out, -9.0, 0.0), left_out, doubt)
@@ -205,7 +213,8 @@ def test_without_any_light_in_the_readings_there_is_no_floor(case: Case) -> None
     n = case.problem.layout.size
     unlit = replace(case.problem, value=np.zeros(n))
     assert not bright(unlit).any()
-    steps = climb(case.problem, (), case.level.bench.whiten, [case.level.base], 1.0, with_held_out=False)
+    given = case.level.bench.whiten, [case.level.base], 1.0, case.problem.value
+    steps = climb(case.problem, (), *given, with_held_out=False)
     trust = Trust(None, np.zeros(n), np.zeros(n, bool), Doubt(reason=DoubtReason.NOTHING_BRIGHT))
     prepared = replace(case.prepared, problem=unlit)
     with np.errstate(divide="raise", invalid="raise", over="raise"):

@@ -6,10 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.diagnose import Diagnosis, diagnose
+from lightfield.diagnosis.verdict import ladder
+from lightfield.diagnosis.verdict.trust import standard_errors
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
+SCENE = Scene.from_dict({"lamp": {"hwhm_deg": 7.0}, "water": {"absorption_per_m": 0.11}})
 GRADIENT, WARM_UP, SECONDS = 0.022, -0.12, 500.0
 
 
@@ -35,10 +38,26 @@ def read() -> Readings:
 
 
 def test_the_error_falls_from_rung_to_rung() -> None:
-    scene = Scene.from_dict({"lamp": {"hwhm_deg": 7.0}, "water": {"absorption_per_m": 0.11}})
-    verdict = diagnose(read(), scene, diffuse=None, advise=False).verdict
+    found = diagnose(read(), SCENE, diffuse=None, advise=False)
+    verdict = found.verdict
     assert sorted(verdict.best_set) == ["lamp_drift", "water_gradient"]
     errors = [rung.error_percent for rung in verdict.ladder]
     assert all(
         after is not None and before is not None and after < before for before, after in pairwise(errors)
     )
+    assert order(found, 1.0) == ["water_gradient", "lamp_drift"]
+
+
+def test_below_the_noise_no_rise_of_the_error_is_one() -> None:
+    """Were the readings a hundred times as uncertain, what lowers chi-square most would come first."""
+    found = diagnose(read(), SCENE, diffuse=None, advise=False)
+    assert order(found, 100.0) == ["lamp_drift", "water_gradient"]
+
+
+def order(found: Diagnosis, factor: float) -> list[str]:
+    """Of the rungs, were the errors of the readings so many times as large."""
+    prepared, finding = found.basis.prepared, found.basis.finding
+    sigma, best = factor * standard_errors(prepared, finding), finding.best
+    assert best is not None
+    fits = finding.whiten, finding.level.base, best.fit, sigma
+    return [c.name for c in ladder._order(prepared.problem, best.explanation, *fits)]
