@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from toy_problem import Toy, candidate, layout, toy, waves
 
-from lightfield.diagnosis.adequacy import robust, score_tests, templates
+from lightfield.diagnosis.adequacy import scale, score_tests, templates
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import cascade, linear_pairs, preparation
 from lightfield.diagnosis.search import small_sets as searching
@@ -192,7 +192,8 @@ CHOSEN = [
     (score_tests, "INDEPENDENT", 1e-12, 1e-6), (score_tests, "VARIANCE_EXCESS", 2.0, 9.0),
     (templates, "BUMP_WIDTH_M", 0.03, 0.12), (templates, "_ACROSS_TERMS", 5, 15),
     (templates, "SLOWEST_RIPPLE", 3.0, 6.0), (templates, "_STEPS", np.linspace(-0.3, 0.3, 7), np.zeros(1)),
-    (robust, "SMALLEST_SCALE", 0.25, 0.8), (preparation, "REPLICATES", 149, 499),
+    (scale, "SMALLEST_SCALE", 0.25, 0.8), (score_tests, "STATED_COUNT_AS", 4.0, 16.0),
+    (preparation, "REPLICATES", 149, 499),
     (searching, "FAR_BEHIND", 12.0, 60.0), (searching, "_PAIRS_FROM_BASE", 3, 30),
     (linear_pairs, "_RIDGE", 1e-11, 1e-5), (searching, "_ROUGH", 3, 12), (cascade, "_EASILY", 0.1, 0.4),
 ]  # fmt: skip
