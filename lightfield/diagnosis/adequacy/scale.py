@@ -15,8 +15,8 @@ from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.whitening import Whitener
 
 #: Readings to spare that stated errors count as, where the scale of the noise is judged: an estimate from so
-#: many has that spread (Smyth 2004, doi:10.2202/1544-6115.1027, eq. 3). Derived: ln of a mean of d squares of
-#: noise has the variance 2/d.
+#: many has that spread, and tells with them as Smyth (2004, doi:10.2202/1544-6115.1027, section 3) has it.
+#: Derived: ln of a mean of d squares of noise has the variance 2/d.
 STATED_COUNT_AS = 2 / SCALE_SPREAD**2
 #: An overstated part of the error budget must not make the readings look better than they can be. Chosen; on
 #: half and nearly twice of it no answer hangs (test_cascade.py).
