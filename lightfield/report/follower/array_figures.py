@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from lightfield.arrays import TINY
 from lightfield.report.style import (
     BAD,
     DASH,
@@ -85,7 +86,7 @@ def draw_array(
 ) -> None:
     """Elements as the lamp sees them; arrows: where they face."""
     x, y, _ = elements.place_m.T
-    light = None if readings is None else 100 * readings / readings.max()
+    light = None if readings is None else 100 * readings / max(float(readings.max()), TINY)
     colours = {"color": SERIES[0]} if light is None else {"c": light, "cmap": "magma", "vmin": 0, "vmax": 100}
     points = axis.scatter(x, y, s=45, edgecolors=MUTED, zorder=3, **colours)
     size = max(elements.reach_m, 1e-6)

@@ -18,7 +18,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.design.compared import Arrays
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import Bound, doubt_in_words, is_told
-from lightfield.studies.follower.survey import DOCKING_ASKS, Survey
+from lightfield.studies.follower.survey import DOCKING_ASKS, LOOKS_AWAY, Survey
 
 NOT_MODELLED = (
     "shadow and reflections of the follower itself, receivers that accept less than a half space, and light "
@@ -136,7 +136,7 @@ def survey_page(survey: Survey) -> str:
     )
     unknown = ", ".join(f"{k} (standard deviation {v:.3g})" for k, v in survey.nuisances.items()) or "nothing"
     origin = [("light", light_in_words(survey.traced)), ("unknown beside the pose", unknown)]
-    lead = [f"Docking asks for {DOCKING_ASKS}."]
+    lead = [f"Docking asks for {DOCKING_ASKS}.", *([LOOKS_AWAY] if survey.looks_away else [])]
     return page("Detector array", verdict, lead, sections, survey.scene, origin)
 
 

@@ -22,7 +22,7 @@ from lightfield.studies.follower.array_light import (
 )
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
-from lightfield.studies.follower.frames import POSE, pose_of, poses_on_axis
+from lightfield.studies.follower.frames import POSE, placed, pose_of, poses_on_axis
 from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
 from lightfield.studies.follower.pose_search import box_of
 from lightfield.studies.follower.rival_poses import RivalPose, rivals
@@ -34,6 +34,11 @@ ACROSS, ALONG = 9, 9
 DOCKING = dict(zip(POSE, (0.1, 0.1, 0.3, *np.radians([5.0, 5.0, 5.0])), strict=True))
 #: The same in words.
 DOCKING_ASKS = f"{DOCKING['x']:g} m across, {DOCKING['z']:g} m along, {np.degrees(DOCKING['yaw']):g} deg"
+#: What is said of an array that turns its back on the lamp.
+LOOKS_AWAY = (
+    "No element looks at the lamp from the scene's pose: all that they read is light that comes back. A "
+    "normal of the array looks at it with nz below 0."
+)
 
 
 @dataclass(frozen=True)
@@ -73,9 +78,17 @@ class Survey:
         met = [self.space[f"sigma_{name}"].values <= DOCKING[name] for name in self.here.names]
         return float(np.mean(np.all(met, axis=0)))
 
+    @property
+    def looks_away(self) -> bool:
+        """Does no element look at the lamp from the scene's pose?"""
+        places, normals = placed(self.elements, self.here.pose[None])
+        lamp = np.array([self.scene.lamp.offset_x_m, self.scene.lamp.offset_y_m, 0.0])
+        return bool((((lamp - places[0]) * normals[0]).sum(axis=1) <= 0).all())
+
     def as_data(self) -> dict[str, Any]:
         return {
             "elements": len(self.elements),
+            "looks_away": self.looks_away,
             "spacing_m": self.elements.spacing_m if len(self.elements) > 1 else None,
             "light": "traced field" if self.traced else "formula",
             "unknown": self.nuisances,
@@ -99,6 +112,8 @@ class Survey:
             *(f"  {one.as_text()}" for one in self.axis),
             f"docking ({DOCKING_ASKS}) is met in {100 * self.reaches:.0f} % of the space",
         ]
+        if self.looks_away:
+            lines.append(LOOKS_AWAY)
         if self.rivals:
             lines.append(f"{len(self.rivals)} other poses look alike; the nearest: {self.rivals[0]}")
         else:

@@ -12,7 +12,7 @@ from lightfield.errors import UsageError
 from lightfield.report.follower.follow_figures import events_in_words
 from lightfield.report.follower.page import arrays_page, survey_page
 from lightfield.report.follower.pose_page import _with_trace, poses_page
-from lightfield.scene import Scene
+from lightfield.scene import Follower, Scene
 from lightfield.scene.follower import Mission
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
@@ -38,6 +38,16 @@ def test_two_elements_are_blind_and_the_page_says_it(tmp_path: Path) -> None:
     assert "two &lt;diodes&gt;" in html
     # Each of the two figures once more with one panel a row, for a telephone.
     assert html.count('<div class="wide"><svg') == html.count('<div class="narrow"><svg') == 2
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(("yaw_deg", "away"), [(0.0, False), (80.0, False), (100.0, True), (180.0, True)])
+def test_an_array_that_looks_away_from_the_lamp_is_told_so(yaw_deg: float, away: bool) -> None:
+    """On the axis a flat array reads direct light up to a turn of 90 degrees."""
+    scene = SCENE.model_copy(update={"follower": Follower(z_m=5.0, yaw_deg=yaw_deg)})
+    found = survey(scene, Space.of_scene(scene), photons=0)
+    told = "No element looks at the lamp"
+    assert (told in found.as_text()) == (told in survey_page(found)) == found.as_data()["looks_away"] == away
 
 
 @pytest.mark.usefixtures("undrawn")
