@@ -89,14 +89,8 @@ class Case:
         best, n = finding.best, self.problem.layout.size
         starts = [finding.level.base, *([best.fit] if best else [])]
         explanation = best.explanation if best else ()
-        given = (
-            self.problem,
-            explanation,
-            finding.whiten,
-            starts,
-            1.0,
-            standard_errors(self.prepared, finding),
-        )
+        sigma = standard_errors(self.prepared, finding)
+        given = self.problem, explanation, finding.whiten, starts, 1.0, sigma
         steps = climb_of(*given, with_held_out=False)
         left_out = np.zeros(n, bool)
         left_out[list(aside)] = True
