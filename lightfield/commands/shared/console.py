@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,6 +11,9 @@ from rich.console import Console
 from rich.segment import Segment
 
 from lightfield.commands.shared.terminal import printable
+
+#: Columns where no terminal says how many: no table is cut to fit. Chosen: the widest has 96.
+_WIDE = 100
 
 
 class PlainConsole(Console):
@@ -21,4 +26,5 @@ class PlainConsole(Console):
 
 def console(*, stderr: bool = False) -> Console:
     """A console for tables and progress, whose text is printable and taken as it stands."""
-    return PlainConsole(stderr=stderr, markup=False)
+    told = (sys.stderr if stderr else sys.stdout).isatty() or "COLUMNS" in os.environ
+    return PlainConsole(stderr=stderr, markup=False, width=None if told else _WIDE)

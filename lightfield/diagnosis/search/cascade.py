@@ -27,7 +27,7 @@ from lightfield.diagnosis.search.pool.any_number import Many
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at, judged
 from lightfield.diagnosis.search.search_progress import SILENT, Progress
-from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic, weights
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic, scale_of_errors, weights
 from lightfield.diagnosis.search.small_sets import (
     accepted,
     at_lowest_minima,
@@ -67,6 +67,11 @@ class Level:
         """Pure-error variance scale of the base test, in units of the whitening."""
         return self.adequacy.phi
 
+    @property
+    def scale(self) -> float:
+        """Variance that errors of the base model are stated with."""
+        return scale_of_errors(self.base, self.adequacy, self.bench.test)
+
 
 @dataclass(frozen=True)
 class SearchResult:
@@ -94,6 +99,8 @@ class SearchResult:
         Local unknowns that were sought like effects: they say where the rest is, and not what.
     cheaper : FittedSet, optional
         A set that scatters and costs less than the answer, which does not, once it is settled.
+    finer_lamp : FittedSet, optional
+        The best set with a lamp that is followed more finely.
     base_errors : mapping
         Standard errors by path of the base model, where it is the answer.
     errors_of_set : mapping
@@ -112,6 +119,7 @@ class SearchResult:
     many: Many | None = None
     unknown: Sequence[str] = ()
     cheaper: FittedSet | None = None
+    finer_lamp: FittedSet | None = None
     base_errors: Mapping[str, float] = field(default_factory=dict)
     errors_of_set: Mapping[str, float] = field(default_factory=dict)
 
@@ -180,6 +188,14 @@ class SearchResult:
     def explaining(self) -> ScoredSet | None:
         """Beside what nothing is missing: the best explanation, or effects with a local unknown."""
         return self.closest if self.unknown else self.best
+
+    @property
+    def scale(self) -> float:
+        """Variance of the noise beside what explains the readings, see `scale_of_errors`; where nothing does,
+        as judged beside the base model."""
+        if self.explaining is not None:
+            return self.explaining.scale
+        return self.level.scale if self.size == 0 else self.level.phi
 
     @property
     def whiten(self) -> Whiten:

@@ -53,11 +53,10 @@ def beyond_two(
     many = search_many(data, prepared, alpha, np.random.default_rng(seed), progress, ends)
     bench, base = many.bench, many.pool.nodes[frozenset()].fit
     level = Level(many.tolerance, bench, base, bench.test(base))
-    best = ScoredSet(
-        many.best.explanation, many.best.fit, many.pool.cost(many.best), many.adequacy, bench.test
-    )
-    near = sorted(many.pool.nodes.values(), key=many.pool.cost)[:_NEAR]
-    others = (_tried(many.pool, n, bench) for n in near if n is not many.best and n.explanation)
+    weighing = Weighing.of(many.pool, many.best)
+    best = replace(_tried(weighing, many.best, bench), adequacy=many.adequacy)
+    near = sorted(many.pool.nodes.values(), key=weighing.cost)[:_NEAR]
+    others = (_tried(weighing, n, bench) for n in near if n is not many.best and n.explanation)
     kept = int(many.prepared.problem.keep.sum())
     found = replace(
         finding, level=level, levels=[*finding.levels, level], tried=[best, *others], n=kept, many=many,
@@ -65,27 +64,26 @@ def beyond_two(
     )  # fmt: skip
     if not (many.adequate and many.best.explanation):
         return many.prepared, found
-    accepted = [best, *_family(many, alpha)]
+    accepted = [best, *_family(many, weighing, alpha)]
     return many.prepared, replace(
         found, size=len(many.best.explanation), accepted=accepted, weights=weights(accepted)
     )
 
 
-def _tried(pool: Pool, node: FittedSet, bench: Bench) -> ScoredSet:
-    return ScoredSet(node.explanation, node.fit, pool.cost(node), None, bench.test)
+def _tried(weighing: Weighing, node: FittedSet, bench: Bench) -> ScoredSet:
+    return ScoredSet(node.explanation, node.fit, weighing.cost(node), None, bench.test)
 
 
-def _family(many: Many, alpha: float) -> list[ScoredSet]:
+def _family(many: Many, weighing: Weighing, alpha: float) -> list[ScoredSet]:
     """Other sets that are accepted beside the best, best first."""
     out: dict[SetKey, ScoredSet] = {}
 
     def passes(node: FittedSet) -> bool:
-        tested = replace(_tried(many.pool, node, many.bench), adequacy=many.bench.test(node.fit))
+        tested = replace(_tried(weighing, node, many.bench), adequacy=many.bench.test(node.fit))
         out[node.key] = tested
         return tested.accepted(alpha)
 
-    family = Weighing.of(many.pool, many.best).family(passes)
-    return [out[node.key] for node in family[1 : _ACCEPTED + 1]]
+    return [out[node.key] for node in weighing.family(passes)[1 : _ACCEPTED + 1]]
 
 
 def misses_by_far(tolerance: float) -> Ends:

@@ -98,10 +98,17 @@ class ScoredSet:
         return not bounded.isdisjoint(p.path for c in self.explanation for p in c.parameters)
 
     @property
+    def scale(self) -> float:
+        """Variance that its errors are stated with, see `scale_of_errors`; 1 where it was not tested."""
+        if self.adequacy is None or self.test is None:
+            return 1.0
+        return scale_of_errors(self.fit, self.adequacy, self.test)
+
+    @property
     def undetermined(self) -> bool:
         """Is the error of an amplitude wider than what is plausible of it?"""
         amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
-        errors = self.fit.stderr(self.adequacy.phi if self.adequacy else 1.0)
+        errors = self.fit.stderr(self.scale)
         return any(
             not errors[p.path] <= p.width(u)
             for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
@@ -115,6 +122,16 @@ class ScoredSet:
     def accepted(self, alpha: float) -> bool:
         """Does it leave nothing unexplained?"""
         return self.adequacy is not None and self.adequacy.passes(alpha)
+
+
+def scale_of_errors(fit: Fit, adequacy: Adequacy, test: AdequacyTest) -> float:
+    """Variance of the noise as judged beside a fit, or what the fit leaves, where that is more.
+
+    In units of the whitening. Beside all effects together few readings are left to judge by; beside those
+    that were fitted there are more.
+    """
+    spare = int(test.problem.keep.sum()) - len(fit.u)
+    return max(adequacy.phi, fit.chi2 / max(spare, 1))
 
 
 def errors_reaching(

@@ -283,7 +283,7 @@ def at_lowest_minima(problem: Problem, found: list[ScoredSet]) -> list[ScoredSet
     out = []
     for i, one in enumerate(found):
         if i < _PROFILED and one.test is not None and one.adequacy is not None:
-            phi, whiten = one.adequacy.phi, one.test.whiten
+            phi, whiten = one.scale, one.test.whiten
             followed = problem.sample is not None and can_follow(problem) and scatters(problem, one.fit)
             if followed and isinstance(whiten, Whitener):
                 fit, errors = _lowest_of_sample(problem, one, whiten, phi), one.errors

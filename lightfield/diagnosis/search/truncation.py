@@ -47,7 +47,7 @@ def _widened(tried: ScoredSet) -> ScoredSet:
         return tried
     problem = tried.test.problem
     longer = tuple(_longer(problem, c) for c in tried.explanation)
-    errors, phi = dict(tried.errors), tried.adequacy.phi if tried.adequacy else 1.0
+    errors, phi = dict(tried.errors), tried.scale
     if longer != tried.explanation:
         for path, error in truncation_errors(tried, problem, longer, phi).items():
             errors[path] = max(error, errors.get(path, 0.0))

@@ -18,7 +18,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import GAIN_ROOM
 from lightfield.diagnosis.search.cascade import Level, SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.set_of_effects import ScoredSet
+from lightfield.diagnosis.search.set_of_effects import ScoredSet, scale_of_errors
 from lightfield.diagnosis.search.told_apart import MISSED, Limit
 from lightfield.diagnosis.verdict.refutation import Judged
 from lightfield.errors import MeasurementError
@@ -99,7 +99,7 @@ def on_absolute_scale(
         return prepared, finding
     phi = finding.level.phi
     explanations = finding.accepted or [ScoredSet((), finding.level.base, finding.level.base.chi2 / phi)]
-    far = [sigmas_from_one(t.fit, t.adequacy.phi if t.adequacy else phi, calibration) for t in explanations]
+    far = [sigmas_from_one(t.fit, t.scale if t.adequacy else phi, calibration) for t in explanations]
     agreeing = [k for k, z in enumerate(far) if abs(z) <= AGREES_SIGMA]
     if agreeing:
         if len(agreeing) == len(far):
@@ -134,7 +134,7 @@ def with_power(prepared: Prepared, finding: SearchResult, tried: ScoredSet, powe
     test = tried.test or finding.level.bench.test
     fit = prepared.problem.fit(explanation, test.whiten, [start])
     calibration = prepared.noise.budget.calibration or 0.0
-    value, error = fit.values[LAMP_POWER], fit.stderr(adequacy.phi)[LAMP_POWER]
+    value, error = fit.values[LAMP_POWER], fit.stderr(scale_of_errors(fit, adequacy, test))[LAMP_POWER]
     errors = {**tried.errors, LAMP_POWER: float(np.hypot(calibration * value, error))}
     bic = tried.bic + float(np.log(finding.n))
     return replace(

@@ -18,7 +18,7 @@ from lightfield.diagnosis.verdict.advice import where_next
 from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
-from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
+from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, scatter_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.estimates import estimates, units_in
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed, rms_over
@@ -82,11 +82,10 @@ def _rungs(basis: VerdictBasis, units: dict[str, str]) -> list[Rung]:
     def values(step: Step) -> dict[str, Estimate]:
         # The last rung is the best explanation: its errors are stated once, not in two ways.
         if best is None and not step.explanation:
-            return estimates(step.fit, scale, units, finding.base_errors, {})
+            return estimates(step.fit, finding.level.scale, units, finding.base_errors, {})
         if best is None or {c.key for c in step.explanation} != {c.key for c in best.explanation}:
             return estimates(step.fit, scale, units)
-        assert best.adequacy is not None
-        return estimates(step.fit, best.adequacy.phi, units, best.errors, finding.errors_of_set)
+        return estimates(step.fit, best.scale, units, best.errors, finding.errors_of_set)
 
     return [
         Rung(
@@ -125,7 +124,7 @@ def _explanations(basis: VerdictBasis, units: dict[str, str], hold_out: bool) ->
                 families=[c.effect.family for c in tried.explanation],
                 forms=[c.form.name for c in tried.explanation],
                 weight=weight,
-                parameters=estimates(tried.fit, tried.adequacy.phi, units, tried.errors, of_set),
+                parameters=estimates(tried.fit, tried.scale, units, tried.errors, of_set),
                 chi2_per_dof=tried.fit.chi2 * quoted / max(n - len(tried.fit.u), 1),
                 error_percent=finite(percent(problem, tried.fit.prediction, counted)),
                 held_out_percent=finite(left_out),
@@ -140,7 +139,7 @@ def _limits(
 ) -> dict[str, DetectionLimit]:
     best, adequacy = finding.best, finding.adequacy_of(finding.best)
     named = {*(best.names if best else ()), *finding.unknown}
-    limits = detection_limits(adequacy, adequacy.phi)
+    limits = detection_limits(adequacy, finding.level.scale if best is None else best.scale)
     if also is not None:
         limits[also.candidate.name] = also.limit
     return {
@@ -166,13 +165,13 @@ def _untestable(basis: VerdictBasis) -> dict[str, tuple[Hindrance, ...]]:
 
 def _of_best(finding: SearchResult, units: dict[str, str]) -> dict[str, Estimate]:
     """Parameters of the best set; errors that an unexplained misfit widens."""
-    closest, phi = finding.closest, finding.adequacy_of(finding.best).phi
+    closest, best = finding.closest, finding.best
     if closest is None:
         return {}
-    if finding.best is None:
-        phi = max(phi, closest.fit.chi2 / max(finding.n - len(closest.fit.u), 1))
+    if best is None:
+        phi = max(finding.level.phi, closest.fit.chi2 / max(finding.n - len(closest.fit.u), 1))
         return estimates(closest.fit, phi, units, closest.errors)
-    return estimates(closest.fit, phi, units, closest.errors, finding.errors_of_set)
+    return estimates(closest.fit, best.scale, units, closest.errors, finding.errors_of_set)
 
 
 def kind_of(finding: SearchResult) -> Kind:
@@ -222,7 +221,7 @@ def _how_judged(basis: VerdictBasis) -> verdict_data.HowJudged:
         errors_stated=prepared.errors_stated,
         errors_on_trust=first.scale_taken,
         determined=finding.determined,
-        variance_scale=variance_scale(prepared, finding),
+        variance_scale=scatter_scale(prepared, finding),
         serial_correlation=prepared.serial.rho,
     )
 
@@ -253,7 +252,7 @@ def _stated(
     basis: VerdictBasis, units: dict[str, str], untestable: Untestable, doubted: bool
 ) -> list[StatedEffect]:
     prepared, finding, best = basis.prepared, basis.finding, basis.finding.best
-    phi = finding.adequacy_of(best).phi
+    phi = finding.level.scale if best is None else best.scale
     return stated_effects(
         basis.forward.scene,
         # What cannot be trusted contradicts no scene either.

@@ -141,7 +141,8 @@ class FoundEffect(Record):
 
 
 class Unnamed(Record):
-    """An effect that is too small to be named, and changes values by more than the errors of the best set."""
+    """An effect that is too small to be named, and changes values by more than the errors of the best set; or
+    its lamp's curve in more detail."""
 
     effect: str
     sigma: float = Field(description="by how much the readings ask for it; less than its price")

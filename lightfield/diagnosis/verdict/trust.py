@@ -66,8 +66,7 @@ def error_scale(prepared: Prepared, finding: SearchResult) -> float:
 
     A misfit that nothing explains is not noise: then the quoted errors have the word, if credible.
     """
-    best = finding.explaining.adequacy if finding.explaining else None
-    scale = finding.level.bench.phi * (best.phi if best is not None else finding.level.phi)
+    scale = finding.level.bench.phi * finding.scale
     unexplained = finding.size is None and not (finding.withheld or finding.in_part)
     return min(scale, CREDIBLE) if unexplained and prepared.errors_stated else scale
 

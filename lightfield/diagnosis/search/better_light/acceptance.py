@@ -15,10 +15,10 @@ from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import Settled
 from lightfield.diagnosis.search.cascade import SearchResult, level_for, with_base
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST, named
-from lightfield.diagnosis.search.pool.evidence import evidence
+from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile_likelihood import profiled
-from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic, scale_of_errors
 from lightfield.fitting.least_squares import Fit
 
 #: Part of the level down to which an explanation that fails it narrowly may be the right one: the tests scale
@@ -41,7 +41,8 @@ def accepted_of(
         test = judged(there, whiten, rng)
         adequacy = test(fit)
         if adequacy.passes(alpha):
-            fit, errors = profiled(one.problem, tried.explanation, fit, whiten, adequacy.phi, False)
+            scale = scale_of_errors(fit, adequacy, test)
+            fit, errors = profiled(one.problem, tried.explanation, fit, whiten, scale, False)
             adequacy = test(fit)
         score = _score(finding, tried.explanation, fit, adequacy.phi)
         score += whiten.log_determinant - main.log_determinant
@@ -91,7 +92,7 @@ def _score(finding: SearchResult, explanation: Explanation, fit: Fit, phi: float
     """By what a set is ranked beside others of the finding, which were not settled: as they are."""
     if finding.many is None or not finding.beyond_two:
         return bic(fit, explanation, phi, finding.n)
-    return finding.many.pool.cost(FittedSet(explanation, fit))
+    return Weighing.of(finding.many.pool, finding.many.best).cost(FittedSet(explanation, fit))
 
 
 def _with_evidence(finding: SearchResult) -> SearchResult:

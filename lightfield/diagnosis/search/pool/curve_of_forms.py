@@ -31,10 +31,10 @@ def try_curves(pool: Pool, best: FittedSet, candidate: Candidate) -> None:
             continue
         whole = [*(c for c in best.explanation if c.name not in contains), curve]
         if pool.affordable(whole):
-            pool.fit(whole, [_laid_over(pool, best, curve)])
+            pool.fit(whole, [laid_over(pool, best, curve)])
 
 
-def _laid_over(pool: Pool, best: FittedSet, curve: Candidate) -> Begin:
+def laid_over(pool: Pool, best: FittedSet, curve: Candidate) -> Begin:
     """Where the curve makes the beam that the forms of a set make."""
     problem, known = pool.problem, best.fit.by_path
     basis: Basis = problem.forward.scenes.curves.bases[PROFILE]

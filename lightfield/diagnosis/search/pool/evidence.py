@@ -125,9 +125,10 @@ class Weighing:
 
     def above(self, node: FittedSet) -> float:
         """Cost above that of the best."""
-        return self._cost(node) - self._cost(self.best)
+        return self.cost(node) - self.cost(self.best)
 
-    def _cost(self, node: FittedSet) -> float:
+    def cost(self, node: FittedSet) -> float:
+        """Chi-square and price of a set."""
         return node.chi2 / self.phi + sum(self.pool.ground.price(c) for c in node.explanation)
 
     def above_unpriced(self, node: FittedSet) -> float:

@@ -50,15 +50,19 @@ _LEAST_NOISE = 1e-6
 _MOST = 50.0
 
 
-def with_an_effect_more(explanation: Explanation, fit: Fit, adequacy: Adequacy) -> dict[str, float]:
+def with_an_effect_more(
+    explanation: Explanation, fit: Fit, adequacy: Adequacy, scale: float
+) -> dict[str, float]:
     """Standard errors of a set by path: of each the largest that one named effect more makes of it.
 
     Parameters
     ----------
     adequacy : Adequacy
         Of the fit.
+    scale : float
+        Variance of the noise, in units of the whitening.
     """
-    phi, held = max(adequacy.phi, _LEAST_NOISE), fit.at_bound()
+    phi, held = max(scale, _LEAST_NOISE), fit.at_bound()
     own, free = fit.stderr(phi), np.flatnonzero(~held)
     slope = np.array([abs(p.slope(u)) for p, u in zip(fit.model.parameters, fit.u, strict=True)])[free]
     paths = [fit.paths[i] for i in free]
@@ -128,7 +132,7 @@ def with_others(accepted: Sequence[ScoredSet]) -> ScoredSet:
     best, others = accepted[0], []
     for other in accepted[1:]:
         weight = float(np.exp(-0.5 * max(other.bic - best.bic, 0.0)))
-        theirs = other.fit.stderr(other.adequacy.phi if other.adequacy else 1.0)
+        theirs = other.fit.stderr(other.scale)
         if other.test is not None:
             for path, error in slope_errors(other, other.test.problem).items():
                 theirs[path] = float(np.hypot(theirs[path], error))

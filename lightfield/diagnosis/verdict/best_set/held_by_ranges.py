@@ -22,4 +22,4 @@ def reaching(tried: ScoredSet) -> ScoredSet:
         return tried
     _, free = without_ends(tried.test.problem, tried.explanation, tried.fit, tried.test.whiten)
     others = {path: value for path, value in free.values.items() if path not in ends}
-    return tried.reaching(others, free.stderr(tried.adequacy.phi if tried.adequacy else 1.0))
+    return tried.reaching(others, free.stderr(tried.scale))

@@ -86,7 +86,7 @@ def in_light_of_photons(problem: Problem, finding: SearchResult) -> SearchResult
         return finding
     assert isinstance(best.test.whiten, Whitener)
     found = in_uncertain_light(problem, best.explanation, best.test.whiten, best.fit.u)
-    wider = best.reaching(found.fit.values, found.stderr(best.adequacy.phi))
+    wider = best.reaching(found.fit.values, found.stderr(best.scale))
     return replace(finding, accepted=[wider, *finding.accepted[1:]])
 
 
@@ -122,11 +122,11 @@ def _standing(finding: SearchResult) -> tuple[Explanation, Fit, Whitener, float]
     best, level = finding.best, finding.level
     if best is None and finding.size == 0:
         assert isinstance(level.bench.whiten, Whitener)
-        return (), level.base, level.bench.whiten, level.phi
+        return (), level.base, level.bench.whiten, level.scale
     if best is None or best.test is None or best.adequacy is None:
         return None
     assert isinstance(best.test.whiten, Whitener)
-    return best.explanation, best.fit, best.test.whiten, best.adequacy.phi
+    return best.explanation, best.fit, best.test.whiten, best.scale
 
 
 class ByHand(NamedTuple):

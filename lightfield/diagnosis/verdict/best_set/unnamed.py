@@ -16,13 +16,15 @@ from scipy import special
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.many import in_pool
+from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
 from lightfield.diagnosis.search.pool.evidence import Weighing
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.diagnosis.verdict.best_set.averaged import largest, with_an_effect_more, with_others
-from lightfield.diagnosis.verdict.best_set.longer_curve import with_longer_curve
+from lightfield.diagnosis.verdict.best_set.finer_lamp import comparable_errors, finer_lamp, with_finer_lamp
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
+from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import is_gain
 
@@ -61,11 +63,14 @@ def in_errors(finding: SearchResult) -> SearchResult:
     to be named, and are averaged over effects that are smaller still, and over other accepted sets."""
     best, level = finding.best, finding.level
     if best is None or best.adequacy is None:
-        wider = with_an_effect_more((), level.base, level.adequacy)
+        wider = with_an_effect_more((), level.base, level.adequacy, level.scale)
         return replace(finding, base_errors=largest(finding.base_errors, wider))
-    wider = with_an_effect_more(best.explanation, best.fit, best.adequacy)
+    wider = with_an_effect_more(best.explanation, best.fit, best.adequacy, best.scale)
     best = replace(best, errors=largest(best.errors, wider))
-    best = with_longer_curve(finding, with_others([best, *finding.accepted[1:]]))
+    best = with_others([best, *finding.accepted[1:]])
+    finding = replace(finding, finer_lamp=finer_lamp(finding))
+    if (weighing := _weighing(finding)) is not None and finding.finer_lamp is not None:
+        best = with_finer_lamp(weighing, best, finding.finer_lamp)
     for one in _absent(finding):
         best = best.reaching({path: one.values[path] for path in one.changed}, one.errors)
     return replace(finding, accepted=[best, *finding.accepted[1:]])
@@ -74,11 +79,10 @@ def in_errors(finding: SearchResult) -> SearchResult:
 def _hardly_told(also: WithScattering, finding: SearchResult, units: dict[str, str]) -> list[Unnamed]:
     """Scattering where it widens an error so many times that a change would be spoken of."""
     if (best := finding.best) is None:
-        fit, told, adequacy = finding.level.base, finding.base_errors, finding.level.adequacy
+        fit, told, scale = finding.level.base, finding.base_errors, finding.level.scale
     else:
-        assert best.adequacy is not None
-        fit, told, adequacy = best.fit, best.errors, best.adequacy
-    own, values = fit.stderr(adequacy.phi), also.fit.values
+        fit, told, scale = best.fit, best.errors, best.scale
+    own, values = fit.stderr(scale), also.fit.values
     wide = {path for path in own if told[path] > CHANGED * own[path] and not is_gain(path)}
     with_it = {
         path: Estimate(value=values[path], stderr=also.errors[path], unit=units.get(path, "reading"))
@@ -123,19 +127,39 @@ def _told(one: _Absent, units: dict[str, str]) -> Unnamed:
 
 
 def _absent(finding: SearchResult) -> list[_Absent]:
-    """Those that change something, first what the readings ask for most."""
-    node = in_pool(finding)
-    if finding.many is None or node is None:
+    """Those that change something: detail of the lamp, then what the readings ask for most."""
+    if (weighing := _weighing(finding)) is None:
         return []
-    pool = finding.many.pool
-    weighing = Weighing.of(pool, node)
+    pool, node = weighing.pool, weighing.best
     out = []
     for other, candidate in _with_one_more(pool, node, weighing.phi):
         saved = (node.fit.chi2 - other.fit.chi2) / weighing.phi
         if saved > _asked(pool, candidate) and (changed := _changed(node.fit, other.fit, weighing.phi)):
             errors = other.fit.stderr(weighing.phi)
             out.append(_Absent(candidate, float(np.sqrt(saved)), changed, other.fit.values, errors))
-    return sorted(out, key=lambda one: -one.sigma)
+    return [*_of_the_lamp(weighing, finding.finer_lamp), *sorted(out, key=lambda one: -one.sigma)]
+
+
+def _weighing(finding: SearchResult) -> Weighing | None:
+    """Of the best set in its pool; None where it is in none."""
+    node = in_pool(finding)
+    return None if finding.many is None or node is None else Weighing.of(finding.many.pool, node)
+
+
+def _of_the_lamp(weighing: Weighing, finer: FittedSet | None) -> list[_Absent]:
+    """What is changed by detail of the lamp that costs no more than a name is worth."""
+    node = weighing.best
+    if finer is None or weighing.above(finer) > NAMED_FIRST:
+        return []
+    (curve,) = (c for c in finer.explanation if c.key not in node.key)
+    errors, own = comparable_errors(weighing, finer), {WIDTH, *(p.path for p in curve.parameters)}
+    changed = tuple(path for path in _changed(node.fit, finer.fit, weighing.phi) if path not in own)
+    saved = (node.fit.chi2 - finer.fit.chi2) / weighing.phi
+    return (
+        [_Absent(curve, float(np.sqrt(max(saved, 0.0))), changed, finer.fit.values, errors)]
+        if changed
+        else []
+    )
 
 
 def _asked(pool: Pool, candidate: Candidate) -> float:
@@ -166,5 +190,5 @@ def _changed(fit: Fit, other: Fit, phi: float) -> tuple[str, ...]:
     return tuple(
         path
         for path in fit.paths
-        if not is_gain(path) and abs(after[path] - before[path]) > CHANGED * stated[path]
+        if path in after and not is_gain(path) and abs(after[path] - before[path]) > CHANGED * stated[path]
     )

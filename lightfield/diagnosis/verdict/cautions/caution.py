@@ -72,7 +72,7 @@ _WORDS = {
     Warns.STATED_ON_TRUST: _ON_TRUST.format("stated"),
     Warns.ASSUMED_ON_TRUST: _ON_TRUST.format("assumed"),
     Warns.UNEVEN_LAMP: "only the direction of the light tells of {about}: a lamp with another uneven beam "
-    "may do the same; turn it by 180 degrees about its axis and read again: what turns with it is the lamp's",
+    "may do the same; turn the lamp by 90 degrees about its axis and read again: what turns too is its own",
     Warns.FINEST_CURVE: "the lamp's curve takes as many functions as there are: {about} may stand for detail "
     "that it leaves out, an edge or a ring; measure the lamp in air with a fine step, and state its table",
     Warns.UNSETTLED: "scattered light is that of one trace in other water, weighed anew, as the beam is not "

@@ -29,6 +29,11 @@ def variance_scale(prepared: Prepared, finding: SearchResult, about: Adequacy | 
     return prepared.excess * finding.level.bench.phi * judged.phi
 
 
+def scatter_scale(prepared: Prepared, finding: SearchResult) -> float:
+    """The same as it is told: what is left beside what explains the readings is noise, too."""
+    return prepared.excess * finding.level.bench.phi * finding.scale
+
+
 def cautions(
     readings: Readings, prepared: Prepared, finding: SearchResult, explanations: list[AcceptedExplanation]
 ) -> list[Caution]:
@@ -36,7 +41,7 @@ def cautions(
     out = [Caution.of_table(w) for w in readings.warnings]
     if prepared.doubted:
         out.append(Caution(warns=Warns.ERRORS_DOUBTED))
-    scale, nu = variance_scale(prepared, finding), finding.adequacy_of(finding.explaining).nu
+    scale, nu = scatter_scale(prepared, finding), _spare(finding)
     stated = prepared.errors_stated and not prepared.doubted  # of what was put in their place nobody is asked
     if stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))
@@ -63,3 +68,10 @@ def cautions(
         elif _SETTLING in explanation.parameters:
             out.append(Caution(warns=Warns.OF_THE_SCENES_PHASE, about=_SETTLING))
     return out
+
+
+def _spare(finding: SearchResult) -> float:
+    """Degrees of freedom of the noise's scale: of the test's, or of the fit's, whichever it is."""
+    told, judged = finding.explaining, finding.adequacy_of(finding.explaining)
+    fit = finding.level.base if told is None else told.fit
+    return judged.nu if finding.scale <= judged.phi else finding.n - len(fit.u)

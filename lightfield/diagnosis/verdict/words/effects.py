@@ -8,6 +8,7 @@ from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
 from lightfield.diagnosis.verdict.speech import exactly, join, roughly, short
 from lightfield.fitting import effects
+from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.wording import capital, plain
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of. Chosen: half.
@@ -126,7 +127,7 @@ def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "
 
 
 def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -> list[str]:
-    """What effects that are too small to be named would change, a sentence for each.
+    """What effects that are too small to be named, or detail of the lamp, would change, a sentence for each.
 
     Parameters
     ----------
@@ -145,6 +146,8 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
                 if path in values
             )
             why = f"is too small to be named ({one.sigma:.1f} sigma); if it is there,"
+            if one.effect == BEAM_PROFILE:
+                why = "in more detail does nearly as well: with it"
         if there:
             out.append(f"{plain(one.effect)} {why} {there}; the stated errors reach there")
     return out

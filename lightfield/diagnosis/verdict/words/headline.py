@@ -7,6 +7,7 @@ from functools import reduce
 from typing import Final
 
 from lightfield.diagnosis.certainty import Certainty
+from lightfield.diagnosis.search.cascade import CONVINCING
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,
@@ -86,7 +87,8 @@ def _of_kind(v: VerdictData, told: Sequence[AcceptedExplanation], rival: Nearest
         return _many(v, [one for one in v.found if one.effect not in stated.against(v.stated)])
     if v.verdict == Kind.IDENTIFIED:
         return _identified(v, told[0], rival)
-    return _one_of(v, told, rival) if len(told) > 1 else _perhaps(v, told[0])
+    alone = len(told) == 1 or told[0].weight > CONVINCING
+    return _perhaps(v, told[0]) if alone else _one_of(v, told, rival)
 
 
 def _none(v: VerdictData) -> Said:

@@ -149,7 +149,7 @@ def test_one_answer(case: Case) -> None:
     (explanation,) = verdict.explanations
     estimate = explanation.parameters["lamp.tilt_x_deg"]
     assert estimate.value == tilt.fit.values["lamp.tilt_x_deg"]
-    assert estimate.stderr == pytest.approx(tilt.fit.stderr(tilt.adequacy.phi)["lamp.tilt_x_deg"])
+    assert estimate.stderr == pytest.approx(tilt.fit.stderr(tilt.scale)["lamp.tilt_x_deg"])
     assert explanation.weight == CONVINCING + 0.01
     assert "beam_tilt" not in verdict.detection_limits
     assert verdict.nearest_rival is not None and verdict.nearest_rival.effects == ["beam_offset"]

@@ -55,7 +55,7 @@ def test_a_lamp_that_is_uneven_otherwise_is_no_certain_tilt(seed: int) -> None:
     assert all(one.other_lamp for one in verdict.found if one.effect in named)
     uneven = [c for c in verdict.cautions if c.warns is Warns.UNEVEN_LAMP]
     assert [set(c.about.split(", ")) & OTHERS for c in uneven if c.about] == [named]
-    assert "turn it by 180 degrees" in uneven[0].sentence
+    assert "turn the lamp by 90 degrees" in uneven[0].sentence
 
 
 def test_which_effects_may_be_one_lamp() -> None:

@@ -62,7 +62,7 @@ def on_a_grid(made: Toy, tried: ScoredSet, name: str) -> float:
 @pytest.mark.parametrize("lean", [0.0, 0.03, 0.3, 3.0])
 def test_an_effect_more_widens_errors_as_its_posterior_says(lean: float) -> None:
     made, tried = toy(lean, 3)
-    wide = averaged.with_an_effect_more((), tried.fit, tried.adequacy)
+    wide = averaged.with_an_effect_more((), tried.fit, tried.adequacy, 1.0)
     expected = max(on_a_grid(made, tried, name) for name in ("odd", "lean"))
     assert wide["slope"] == pytest.approx(max(expected, tried.fit.stderr()["slope"]), rel=0.02)
 
@@ -79,8 +79,8 @@ def test_in_any_unit_of_the_level() -> None:
     model = replace(known.model, parameters=tuple(base))
     slopes = known.jacobian * unit
     fit = replace(known, model=model, u=known.u / unit, differentiate=lambda: slopes)
-    wide = averaged.with_an_effect_more((), known, tried.adequacy)
-    assert averaged.with_an_effect_more((), fit, tried.adequacy)["slope"] == pytest.approx(wide["slope"])
+    wide = averaged.with_an_effect_more((), known, tried.adequacy, 1.0)
+    assert averaged.with_an_effect_more((), fit, tried.adequacy, 1.0)["slope"] == pytest.approx(wide["slope"])
 
 
 SCENE = {

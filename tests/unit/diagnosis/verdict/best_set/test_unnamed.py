@@ -40,7 +40,9 @@ def finding(size: float) -> tuple[Toy, SimpleNamespace]:
     pool.fit((), [Begin({})])
     best = pool.fit([c for c in problem.candidates if c.name == "odd"], [Begin({})])
     return made, SimpleNamespace(
-        many=SimpleNamespace(pool=pool, best=best), best=SimpleNamespace(explanation=best.explanation)
+        many=SimpleNamespace(pool=pool, best=best),
+        best=SimpleNamespace(explanation=best.explanation),
+        finer_lamp=None,
     )
 
 
@@ -52,6 +54,7 @@ class SearchResult:
     best: ScoredSet
     accepted: Sequence[ScoredSet] = ()
     level: None = None
+    finer_lamp: None = None
 
 
 def sigma_of(made: Toy, size: float) -> float:
@@ -106,7 +109,12 @@ def test_what_changes_nothing_is_not() -> None:
     pool = Pool(Ground(made.test(problem, np.random.default_rng(0).standard_normal((60, 99))), 1.0, 1000))
     best = pool.fit((), [Begin({})])
     told = unnamed.unnamed(
-        SimpleNamespace(many=SimpleNamespace(pool=pool, best=best), best=SimpleNamespace(explanation=())), {}
+        SimpleNamespace(
+            many=SimpleNamespace(pool=pool, best=best),
+            best=SimpleNamespace(explanation=()),
+            finer_lamp=None,
+        ),
+        {},
     )
     assert told == []
     (promise,) = [p for p in pool.promises(best) if p.candidate.name == "dusk"]
@@ -127,7 +135,7 @@ def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
     (wide,) = also.widened(SearchResult(found.many, best)).accepted
     apart = node.fit.values["slope"] - 0.3
     assert wide.errors["slope"] == pytest.approx(np.hypot(0.4, apart))
-    there = SimpleNamespace(many=found.many, best=wide)
+    there = SimpleNamespace(many=found.many, best=wide, finer_lamp=None)
     (one,) = unnamed.unnamed(there, {"slope": "1/m", "b": "1/m"}, also)
     assert (one.effect, one.in_errors, list(one.with_it)) == ("scattering", True, ["slope", "b"])
     (said,) = unnamed_sentences([one], {})
@@ -140,5 +148,5 @@ def test_scattering_that_changes_no_error_is_not_spoken_of() -> None:
     best = ScoredSet(node.explanation, node.fit, 0.0, SimpleNamespace(phi=1.0, scores=()))
     also = WithScattering(candidate("scattering"), node.fit, node.fit.stderr(), saved=0.0)
     (same,) = also.widened(SearchResult(found.many, best)).accepted
-    there = SimpleNamespace(many=found.many, best=same)
+    there = SimpleNamespace(many=found.many, best=same, finer_lamp=None)
     assert unnamed.unnamed(there, {}, also) == []

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from analytic_readings import readings
 
@@ -110,8 +112,9 @@ def test_scattering_is_that_of_a_phase_function(
     """Of its own where that is fitted, else of the scene's: an error of g is not in that of b."""
     adequacy = SimpleNamespace(phi=1.0, nu=50, scale_taken=False)
     finding = SimpleNamespace(
-        best=None, closest=None, size=1, explaining=None, adequacy_of=lambda explaining: adequacy,
-        level=SimpleNamespace(bench=SimpleNamespace(phi=1.0), base=None, adequacy=adequacy), levels=[],
+        best=None, closest=None, size=1, explaining=None, adequacy_of=lambda explaining: adequacy, scale=1.0,
+        level=SimpleNamespace(bench=SimpleNamespace(phi=1.0), base=SimpleNamespace(u=[]), adequacy=adequacy),
+        levels=[],
     )  # fmt: skip
     finding.levels.append(finding.level)
     prepared = SimpleNamespace(doubted=False, errors_stated=True, excess=1.0, problem=None)
@@ -130,3 +133,20 @@ def test_what_effects_explain_is_no_scatter() -> None:
     assert sorted(verdict.best_set) == ["background", "beam_offset", "beam_shape"]
     assert not any("times as much as their errors say" in text for text in verdict.warnings)
     assert 0.6 < verdict.variance_scale < 1.5
+
+
+def test_errors_of_few_readings_that_are_stated_too_small_are_told() -> None:
+    """By 1.5, of 64 readings: beside all effects together too few are left to see it, and "as stated" was
+    said of a chi-square of 2.6 per degree of freedom."""
+    told, warned = [], 0
+    for seed in range(8):
+        table, scene = readings(seed=seed, noise=0.01)
+        some = np.random.default_rng(seed).permutation(len(table))[:64]
+        few = table.subset(some)
+        few = replace(few, stderr=few.stderr / 1.5)
+        verdict = diagnose(few, scene, diffuse=None, advise=False).verdict
+        told.append(verdict.variance_scale)
+        warned += any(c.warns is Warns.SCATTER_MORE for c in verdict.cautions)
+    # A mean square of 8 x 61 has a relative spread of sqrt(2 / 488) = 0.064.
+    assert np.mean(told) == pytest.approx(1.5**2, rel=4 * 0.064)
+    assert warned >= 6
