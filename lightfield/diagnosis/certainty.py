@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from lightfield.wording import Word
 
+#: Relative evidence that makes one of several accepted explanations the answer: odds of 19, where evidence
+#: begins to be called strong (20; Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
+CONVINCING = 0.95
+
 
 class _Level(Word):
     @property

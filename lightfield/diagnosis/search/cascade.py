@@ -15,6 +15,7 @@ import numpy as np
 
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
+from lightfield.diagnosis.certainty import CONVINCING
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import (
@@ -42,9 +43,6 @@ from lightfield.fitting.least_squares import Fit, Whiten
 #: pass better than the base model does, by twice its p, but need not pass better than at the other. Chosen:
 #: on half and twice of that no answer hangs (test_cascade.py).
 ALPHA_EXPLANATION, _EASILY = 0.01, 0.2
-#: Relative evidence that makes one of several accepted explanations the answer: odds of 19, where evidence
-#: begins to be called strong (20; Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572).
-CONVINCING = 0.95
 #: Chi-square for each reading, under errors with the tolerance, beyond which fits need not be made anew under
 #: these: what passes leaves one or two. Chosen: new weights lower it by less than half.
 _BEYOND_TOLERANCE = 10.0

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from functools import reduce
 from typing import Final
 
-from lightfield.diagnosis.certainty import Certainty
-from lightfield.diagnosis.search.cascade import CONVINCING
+from lightfield.diagnosis.certainty import CONVINCING, Certainty
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,

@@ -10,10 +10,11 @@ from scipy import stats
 from toy_problem import Toy, candidate, layout, toy, waves
 
 from lightfield.diagnosis.adequacy import scale, score_tests, templates
+from lightfield.diagnosis.certainty import CONVINCING
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import cascade, linear_pairs, preparation
 from lightfield.diagnosis.search import small_sets as searching
-from lightfield.diagnosis.search.cascade import CONVINCING, SearchResult, search
+from lightfield.diagnosis.search.cascade import SearchResult, search
 from lightfield.diagnosis.search.many import levelled
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import GAP

@@ -14,11 +14,12 @@ from analytic_readings import readings
 
 from lightfield.diagnosis.adequacy.robust import Serial
 from lightfield.diagnosis.adequacy.structure import Structure
+from lightfield.diagnosis.certainty import CONVINCING
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
-from lightfield.diagnosis.search.cascade import CONVINCING, Level, SearchResult
+from lightfield.diagnosis.search.cascade import Level, SearchResult
 from lightfield.diagnosis.search.preparation import Prepared, bench
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.verdict.compose import VerdictBasis, kind_of, verdict_of
