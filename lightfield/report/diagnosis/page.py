@@ -187,6 +187,14 @@ def _rises(ladder: Sequence[Rung]) -> bool:
     return first is not None and last is not None and last > first
 
 
+def _left_of_noise(verdict: Verdict) -> float:
+    """Part of the noise that a fit leaves at least: its numbers take their share, and two standard deviations
+    are chance."""
+    n, numbers = verdict.readings, len(verdict.ladder[-1].parameters)
+    spare = max(n - numbers, 1)
+    return max((spare / n) ** 0.5 * (1 - 2 / (2 * spare) ** 0.5), 0.0)
+
+
 def _lead(verdict: Verdict) -> list[str]:
     ladder, floor = verdict.ladder, verdict.noise_floor_percent
     first, last = ladder[0].error_percent, ladder[-1].error_percent
@@ -200,7 +208,7 @@ def _lead(verdict: Verdict) -> list[str]:
         lines.append(FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {_floor(floor)} %.")
-    if last is not None and floor is not None and floor > last:
+    if last is not None and floor is not None and last < _left_of_noise(verdict) * floor:
         lines.append(
             "The floor lies above the error: the errors of the readings, as stated or as their scatter was "
             "judged, are larger than what is left."

@@ -367,7 +367,8 @@ def test_a_model_of_many_effects_is_called_by_their_number(label: str, effects: 
 
 
 def test_a_floor_above_the_error_is_explained() -> None:
-    rung = Rung.model_construct(error_percent=2.6)
-    for floor, said in ((12.0, True), (0.4, False)):
-        verdict = Verdict.model_construct(ladder=[rung], noise_floor_percent=floor, run=1)
+    """And no floor that 5 numbers of 105 readings and chance have brought the error below."""
+    rung = Rung.model_construct(error_percent=2.6, parameters=dict.fromkeys("abcde"))
+    for floor, said in ((12.0, True), (0.4, False), (2.7, False), (3.3, True)):
+        verdict = Verdict.model_construct(ladder=[rung], noise_floor_percent=floor, run=1, readings=105)
         assert any("lies above the error" in line for line in _lead(verdict)) is said
