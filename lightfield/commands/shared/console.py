@@ -12,7 +12,7 @@ from rich.segment import Segment
 
 from lightfield.commands.shared.terminal import printable
 
-#: Columns where no terminal says how many: no table is cut to fit. Chosen: the widest has 96.
+#: Columns where no terminal says how many: no table is cut to fit. Chosen: that of `compare` has 82.
 _WIDE = 100
 
 

@@ -21,7 +21,7 @@ from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.curves import PROFILE, field_of
 
 #: Functions of a fine curve at least. Measured: beside scattering, in renders of lamps that are no Gaussian,
-#: an absorption with a curve of four or a named form is 3 to 10 of its errors off, with seven one.
+#: an absorption with a curve of four or a named form was 3 to 10 of its errors off, with seven 2 at most.
 _FINE = 7
 #: A second fit begins with the Gaussian under the curve so much wider: it may be a narrow or a wide one, and
 #: a fit ends near where it begins. Chosen: the bundled dive lamp has two such ends, 3.1 and 4.3 degrees.
