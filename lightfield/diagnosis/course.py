@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.problem.local_unknowns import left_by_a_ripple, with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
@@ -31,7 +32,6 @@ from lightfield.diagnosis.verdict.best_set.scattered_too import (
     in_light_of_photons,
     with_scattering,
 )
-from lightfield.diagnosis.verdict.cautions.noise_and_fit import variance_scale
 from lightfield.diagnosis.verdict.parts import DoubtReason
 from lightfield.diagnosis.verdict.trust import Trust, says_nothing, trust_of
 from lightfield.fitting.diffuse_light import DiffuseSource
@@ -258,16 +258,22 @@ def _is_simpler(finding: SearchResult, other: SearchResult) -> bool:
 def _unless_more_explain(known: Knowledge) -> Knowledge:
     """One or two effects that pass because the errors are taken for too small, or more that explain the
     scatter: if not all of it, something is missing, and the two are no answer."""
-    scale = variance_scale(known.prepared, known.finding)
+    scale = _unexplained_variance(known.prepared, known.finding)
     if scale < _TOO_SMALL:
         return known
     more = known.with_more_effects(leaves(_PROMISES))
     many = more.finding.many
     if many is None or many.at_first_sight:
         return known
-    if variance_scale(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
+    if _unexplained_variance(more.prepared, more.finding, many.adequacy) >= _MENDS * scale:
         return known
     return more if more.finding.accepted else _beside_unknowns(more) or more
+
+
+def _unexplained_variance(prepared: Prepared, finding: SearchResult, about: Adequacy | None = None) -> float:
+    """Variance over the quoted one that all effects together leave, beside what was found or another set."""
+    judged = about or finding.adequacy_of(finding.explaining)
+    return prepared.excess * finding.level.bench.phi * judged.phi
 
 
 def _unless_a_ripple_does(known: Knowledge) -> Knowledge:
@@ -278,7 +284,7 @@ def _unless_a_ripple_does(known: Knowledge) -> Knowledge:
     prepared, finding = known.prepared, known.finding
     if finding.size is None or known.problem.layout.size > MANY:
         return known
-    scale = variance_scale(prepared, finding)
+    scale = _unexplained_variance(prepared, finding)
     if scale < _TOO_SMALL:
         return known
     problem, sigma = prepared.problem, prepared.noise.sigma
@@ -287,7 +293,7 @@ def _unless_a_ripple_does(known: Knowledge) -> Knowledge:
     if left_by_a_ripple(problem.layout, off, light, problem.keep) >= _MENDS:
         return known
     beside = _beside_unknowns(known)
-    if beside is None or variance_scale(beside.prepared, beside.finding) >= _MENDS * scale:
+    if beside is None or _unexplained_variance(beside.prepared, beside.finding) >= _MENDS * scale:
         return known
     return beside
 

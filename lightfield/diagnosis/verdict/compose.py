@@ -18,7 +18,7 @@ from lightfield.diagnosis.verdict.advice import where_next
 from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
-from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, scatter_scale
+from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.estimates import estimates, units_in
 from lightfield.diagnosis.verdict.ladder import Step, bright, held_out, percent, removed, rms_over
@@ -221,7 +221,7 @@ def _how_judged(basis: VerdictBasis) -> verdict_data.HowJudged:
         errors_stated=prepared.errors_stated,
         errors_on_trust=first.scale_taken,
         determined=finding.determined,
-        variance_scale=scatter_scale(prepared, finding),
+        variance_scale=variance_scale(prepared, finding),
         serial_correlation=prepared.serial.rho,
     )
 

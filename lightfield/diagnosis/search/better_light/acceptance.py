@@ -6,11 +6,12 @@ its own light, and is tested and ranked anew.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.better_light.settling import Settled
 from lightfield.diagnosis.search.cascade import SearchResult, level_for, with_base
@@ -19,11 +20,19 @@ from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.preparation import Prepared, judged
 from lightfield.diagnosis.search.profile_likelihood import profiled
 from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic, scale_of_errors
-from lightfield.fitting.least_squares import Fit
 
 #: Part of the level down to which an explanation that fails it narrowly may be the right one: the tests scale
 #: with noise that was judged beside other light. Chosen.
 _NEARLY = 0.1
+
+
+class _Anew(NamedTuple):
+    """A set as it was settled and tested, in its light, and by how much the errors of that light are dearer
+    than those of the finding."""
+
+    prepared: Prepared
+    tried: ScoredSet
+    growth: float
 
 
 def accepted_of(
@@ -31,7 +40,7 @@ def accepted_of(
 ) -> tuple[Prepared, SearchResult]:
     """What is accepted of a finding at its level, with what was settled in its place."""
     main, alpha = finding.level.bench.whiten, level_for(finding.level)
-    made: dict[int, tuple[Prepared, ScoredSet]] = {}
+    anew: list[_Anew] = []
     for tried, one in done:
         whiten, fit, errors = one.whiten, one.fit, tried.errors
         if whiten.tolerance != main.tolerance:
@@ -44,10 +53,11 @@ def accepted_of(
             scale = scale_of_errors(fit, adequacy, test)
             fit, errors = profiled(one.problem, tried.explanation, fit, whiten, scale, False)
             adequacy = test(fit)
-        score = _score(finding, tried.explanation, fit, adequacy.phi)
-        score += whiten.log_determinant - main.log_determinant
-        new = replace(tried, fit=fit, bic=score, adequacy=adequacy, test=test, errors=errors)
-        made[id(tried.explanation)] = there, new
+        growth = whiten.log_determinant - main.log_determinant
+        anew.append(
+            _Anew(there, replace(tried, fit=fit, adequacy=adequacy, test=test, errors=errors), growth)
+        )
+    made = {id(t.explanation): (one.prepared, t) for one, t in zip(anew, _scored(finding, anew), strict=True)}
 
     def now(every: list[ScoredSet]) -> list[ScoredSet]:
         return [made[id(t.explanation)][1] if id(t.explanation) in made else t for t in every]
@@ -88,11 +98,18 @@ def _named_first(passing: list[ScoredSet]) -> list[ScoredSet]:
     return sorted(passing, key=lambda t: t is not first)
 
 
-def _score(finding: SearchResult, explanation: Explanation, fit: Fit, phi: float) -> float:
-    """By what a set is ranked beside others of the finding, which were not settled: as they are."""
-    if finding.many is None or not finding.beyond_two:
-        return bic(fit, explanation, phi, finding.n)
-    return Weighing.of(finding.many.pool, finding.many.best).cost(FittedSet(explanation, fit))
+def _scored(finding: SearchResult, anew: Sequence[_Anew]) -> list[ScoredSet]:
+    """By what sets are ranked beside each other and those of the finding, which were not settled: by one
+    variance for all, as others are (what one is judged to leave by chance would count as misfit of it)."""
+    if finding.many is not None and finding.beyond_two:
+        weighing = Weighing.of(finding.many.pool, finding.many.best)
+        costs = [weighing.cost(FittedSet(one.tried.explanation, one.tried.fit)) for one in anew]
+    else:
+        best = min(anew, key=lambda one: one.tried.fit.chi2 + one.growth)
+        assert best.tried.adequacy is not None
+        phi, n = best.tried.adequacy.phi, finding.n
+        costs = [bic(one.tried.fit, one.tried.explanation, phi, n) for one in anew]
+    return [replace(one.tried, bic=cost + one.growth) for one, cost in zip(anew, costs, strict=True)]
 
 
 def _with_evidence(finding: SearchResult) -> SearchResult:

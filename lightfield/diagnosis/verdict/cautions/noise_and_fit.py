@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from lightfield.diagnosis.adequacy.score_tests import Adequacy
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
@@ -22,15 +21,9 @@ _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE, _LITTLE_CHANCE = 1.5, 0.4, 1e-3, 1e-2
 _SETTLING = "water.settling_per_m"
 
 
-def variance_scale(prepared: Prepared, finding: SearchResult, about: Adequacy | None = None) -> float:
-    """Variance of the readings' errors over the quoted one, as judged about the best explanation, or another
-    set."""
-    judged = about or finding.adequacy_of(finding.explaining)  # what an effect explains is no scatter
-    return prepared.excess * finding.level.bench.phi * judged.phi
-
-
-def scatter_scale(prepared: Prepared, finding: SearchResult) -> float:
-    """The same as it is told: what is left beside what explains the readings is noise, too."""
+def variance_scale(prepared: Prepared, finding: SearchResult) -> float:
+    """Variance of the readings' errors over the quoted one: what is left beside what explains the readings
+    is noise, too."""
     return prepared.excess * finding.level.bench.phi * finding.scale
 
 
@@ -41,7 +34,7 @@ def cautions(
     out = [Caution.of_table(w) for w in readings.warnings]
     if prepared.doubted:
         out.append(Caution(warns=Warns.ERRORS_DOUBTED))
-    scale, nu = scatter_scale(prepared, finding), _spare(finding)
+    scale, nu = variance_scale(prepared, finding), _spare(finding)
     stated = prepared.errors_stated and not prepared.doubted  # of what was put in their place nobody is asked
     if stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))

@@ -107,21 +107,22 @@ def _identified(v: VerdictData, one: AcceptedExplanation, rival: NearestRival | 
 
 def _perhaps(v: VerdictData, one: AcceptedExplanation) -> Said:
     """The only explanation, and why it is not sure."""
-    certain, others = shared(v.found, v.explanations)
-    reasons = {e.reason for e in one.parameters.values()}
+    certain, others = shared(v.found, [one])
+    reasons, several = {e.reason for e in one.parameters.values()}, len(one.effects) > 1
     if Reason.AT_BOUNDARY in reasons:
         but = "only with a parameter at the edge of what is plausible"
     elif not v.determined:
         but = "with as many parameters as there are readings anything can"
     elif reasons & _NO_SIZE:
-        but = "these readings do not determine its size"
+        but = f"these readings do not determine {'all their sizes' if several else 'its size'}"
     elif any(map(follows_any, v.found)):
         but = "so would it nearly any readings at these places: it is a curve as free as they are"
     elif others:
         but = "other sets do as well"
     else:
         but = "the evidence against chance is weak"
-    what = f"Perhaps {join(one.effects)}{_within(v)}: it would explain the misfit, but {but}."
+    would = f"{'they' if several else 'it'} would explain the misfit"
+    what = f"Perhaps {join(one.effects)}{_within(v)}: {would}, but {but}."
     return Said.of(what, *([f"Certain: {join(certain)}."] if certain else []), *others)
 
 

@@ -187,7 +187,7 @@ def test_rivals_are_told_of_effects_that_all_explanations_have() -> None:
 def test_two_effects_are_told_by_their_explanation() -> None:
     found = [effect("a", "certain"), effect("b", "one of")]
     said = words_of(verdict_data("ambiguous", explanation("a", "b"), found=found))
-    assert said.headline.startswith("Perhaps a and b: it would explain the misfit")
+    assert said.headline.startswith("Perhaps a and b: they would explain the misfit")
 
 
 def test_what_is_said_of_the_unexplained() -> None:

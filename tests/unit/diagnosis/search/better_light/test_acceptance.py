@@ -51,3 +51,18 @@ def test_what_fails_by_a_hair_and_costs_less_keeps_an_answer_from_being_alone(pa
     hair, far, dear, passes = other(0.009, 1.6), other(0.0009, 1.6), other(0.009, -1.6), other(0.02, 1.6)
     assert acceptance._nearly([far, dear, passes, hair], best, 0.01) == [hair]
     assert acceptance._nearly([far, dear], best, 0.01) == []
+
+
+def test_sets_are_ranked_by_one_variance_whatever_is_judged_beside_each(passed: ScoredSet) -> None:
+    """A lamp's size with scattering and an apparent source with it, 1.1 sigma apart, had chi-squares of 50.8
+    and 52.0 and weights of 0.996 and 0.004: each was divided by a variance of its own, 1.04 and 0.88."""
+    assert passed.adequacy is not None
+    finding: Any = SimpleNamespace(many=None, n=65)
+
+    def anew(chi2: float, phi: float, growth: float) -> acceptance._Anew:
+        assert passed.adequacy is not None
+        fit, judged = replace(passed.fit, chi2=chi2), replace(passed.adequacy, phi=phi)
+        return acceptance._Anew(Any, replace(passed, fit=fit, adequacy=judged), growth)
+
+    first, second = acceptance._scored(finding, [anew(50.8, 1.04, 0.95), anew(52.0, 0.88, 1.77)])
+    assert second.bic - first.bic == pytest.approx((52.0 - 50.8) / 1.04 + 1.77 - 0.95)

@@ -157,6 +157,6 @@ def test_two_that_pass_in_too_large_errors_are_no_answer_where_more_mend_them(
         prepared=None, finding=SimpleNamespace(many=None), with_more_effects=lambda ends: more
     )
     scale = {None: 10.0, "about the set": left}
-    monkeypatch.setattr(course, "variance_scale", lambda prepared, finding, about=None: scale[about])
+    monkeypatch.setattr(course, "_unexplained_variance", lambda prepared, finding, about=None: scale[about])
     monkeypatch.setattr(course, "_beside_unknowns", lambda *_: None)
     assert course._unless_more_explain(known) is (more if more_is_it else known)

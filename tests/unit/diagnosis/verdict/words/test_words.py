@@ -53,11 +53,29 @@ def test_what_stands_against_the_only_explanation_is_said() -> None:
     found = [effect("saturation", "certain"), effect("beam_offset", "one of", pair)]
     text = words_of(verdict_data("ambiguous", explanation("saturation", "beam_offset"), found=found))
     assert text.headline == (
-        "Perhaps saturation and beam offset: it would explain the misfit, but other sets do as well."
+        "Perhaps saturation and beam offset: they would explain the misfit, but other sets do as well."
     )
     assert text.support == (
         "Certain: saturation.",
         "Instead of beam offset: stratification with surface reflection.",
+    )
+
+
+def test_of_one_set_that_is_told_all_is_said_that_does_as_well() -> None:
+    """Also what stands in another explanation of no weight: sixteen sigma are no weak evidence."""
+    found = [
+        effect("lamp_size", "one of", ["apparent_source"]),
+        effect("scattering", "one of", ["beam_skirt"]),
+    ]
+    sets = (("lamp_size", 0.97), ("apparent_source", 0.03))
+    told = [explanation(name, "scattering").model_copy(update={"weight": weight}) for name, weight in sets]
+    text = words_of(verdict_data("ambiguous", *told, nearest_rival=RIVAL, found=found))
+    assert text.headline == (
+        "Perhaps lamp size and scattering: they would explain the misfit, but other sets do as well."
+    )
+    assert text.support == (
+        "Instead of lamp size: apparent source.",
+        "Instead of scattering: beam skirt.",
     )
 
 
