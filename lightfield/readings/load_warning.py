@@ -111,9 +111,8 @@ def _exposure(said: Mapping[str, Remarked]) -> str:
 
 
 def _vary_exposure(said: Mapping[str, Remarked]) -> str:
-    if said["exposure_s"] is None:
-        return "give integration_time_s, and vary it"
-    return "vary it, or read with the detector capped"
+    capped = "read with the detector capped, and subtract that"
+    return capped if said["exposure_s"] is None else f"vary it, or {capped}"
 
 
 def _no_budget(said: Mapping[str, Remarked]) -> str:

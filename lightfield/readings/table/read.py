@@ -70,6 +70,7 @@ def table_of_text(
     sheet = read_sheet(content, problems, COLUMNS, required, NUMBER_COLUMNS)
     if "value" in required:
         _refuse_other_files(sheet, problems)
+    _refuse_places_by_another_name(sheet, problems)
     head = _read_head(sheet.head, problems)
     _settle_words(sheet, head, problems)
     columns, extra, lines = _read_columns(sheet, problems)
@@ -118,6 +119,22 @@ def _refuse_other_files(sheet: Sheet, problems: Problems) -> None:
             found=", ".join(sheet.names), rule=f"required: {', '.join(REQUIRED)}",
             remedy=f"name them; a spectrum as an instrument wrote it is none: {remedy}",
         )  # fmt: skip
+        problems.raise_any()
+
+
+def _refuse_places_by_another_name(sheet: Sheet, problems: Problems) -> None:
+    """A column x is no x_m: without one every reading would be on the axis."""
+    unused = [name for name in sheet.names if name not in COLUMNS]
+    alike = {name: look_alike(name, unused) for name in ACROSS if name not in sheet.names}
+    for name, other in alike.items():
+        if other is not None:
+            problems.add(
+                f"the column {other!r} is none of a reading table, and {name} is missing",
+                place=sheet.name_line,
+                rule="places are in metres, their columns x_m, y_m and z_m",
+                remedy=f"call it {name}, its numbers in metres; if it is something else, call it otherwise",
+            )
+    if any(alike.values()):
         problems.raise_any()
 
 

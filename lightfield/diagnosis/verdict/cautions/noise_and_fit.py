@@ -17,6 +17,8 @@ from lightfield.readings import Readings
 #: Chosen: test_diagnosis.py has one that is spoken of and one that is not; errors stated twice too large
 #: scatter about a quarter, and less than half of what is stated is no danger to a finding.
 _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE, _LITTLE_CHANCE = 1.5, 0.4, 1e-3, 1e-2
+#: Factor on the stated variance from which on the errors are no such. Chosen: ten times in the error.
+_NO_ERRORS = 100.0
 #: The one scattering coefficient that is fitted without a g of its own.
 _SETTLING = "water.settling_per_m"
 
@@ -37,7 +39,8 @@ def cautions(
     scale, nu = variance_scale(prepared, finding), _spare(finding)
     stated = prepared.errors_stated and not prepared.doubted  # of what was put in their place nobody is asked
     if stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
-        out.append(Caution(warns=Warns.SCATTER_MORE, values={"times": float(np.sqrt(scale))}))
+        warns = Warns.SCATTER_FAR_MORE if scale > _NO_ERRORS else Warns.SCATTER_MORE
+        out.append(Caution(warns=warns, values={"times": float(np.sqrt(scale))}))
     elif stated and scale < _NOTED_SMALL and special.chdtr(nu, nu * scale) < _LITTLE_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_LESS, values={"times": float(1 / np.sqrt(scale))}))
     if finding.levels[0].adequacy.scale_taken:

@@ -37,6 +37,8 @@ from lightfield.scene.water.coefficients import absorption_per_m
 WIDTH_FACTOR, ABSORPTION_FACTOR = 1.5, 2.0
 #: An absorption that takes less of the light than this optical depth is not spoken of. Chosen: a tenth.
 FELT = 0.1
+#: Of its own errors an absorption lies so many from the scene's. Chosen: two are chance.
+SURE = 3.0
 #: Errors of the calibration beyond which a gain is spoken of. Chosen: one right calibration of 370 is.
 GAIN_SIGMA = 3.0
 #: Chi-square from which on water that amplifies is spoken of. Chosen: two standard errors.
@@ -63,7 +65,7 @@ def hints(
     scene, values = forward.scene, fit.values
     gain = _gain(scene, values, calibration)
     found = [
-        _width(scene, forward.scenes.at(values, validate=False)), _absorption(forward, problem, values),
+        _width(scene, forward.scenes.at(values, validate=False)), _absorption(forward, problem, fit),
         gain, _of_band(forward, gain, calibration), _amplifying(fit),
         _coarse_table(forward, problem),
     ]  # fmt: skip
@@ -107,8 +109,8 @@ def _seen_width_deg(scene: Scene) -> float:
     return float(1 / np.hypot(1 / width, 1 / acceptance)) if acceptance else width
 
 
-def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, float]) -> Caution | None:
-    layout, wet = problem.layout, ~problem.layout.air
+def _absorption(forward: SceneForward, problem: Problem, fit: Fit) -> Caution | None:
+    layout, wet, values = problem.layout, ~problem.layout.air, fit.values
     if not wet.any() or not any(path.startswith("water.absorption") for path in values):
         return None
     band = np.mean(forward.scene.detector.bands_nm[0])
@@ -117,6 +119,9 @@ def _absorption(forward: SceneForward, problem: Problem, values: Mapping[str, fl
     fitted = float(np.mean(absorption_per_m(forward.scenes.at(values, validate=False).water, at)))
     felt = abs(fitted - guess) * float(np.ptp(layout.z_m[wet]))
     if guess <= 0 or felt < FELT or 1 / ABSORPTION_FACTOR < fitted / guess < ABSORPTION_FACTOR:
+        return None
+    error = fit.stderr().get("water.absorption_per_m", np.nan)
+    if abs(fitted - guess) < SURE * error:
         return None
     told = {"ratio": fitted / guess, "fitted": fitted, "stated": guess}
     warns = Warns.LESS_ABSORPTION if fitted < guess else Warns.MORE_ABSORPTION

@@ -259,8 +259,18 @@ def test_replicates_at_other_times_or_numbered_are_no_duplicates(load):
 
 
 def test_a_column_that_only_looks_like_one_of_ours_is_reported(load):
-    codes = [w.code for w in load("# plane_gain_percents = 1\nz_m,value,x_cm\n1,2,3\n").warnings]
+    codes = [w.code for w in load("# plane_gain_percents = 1\nz_m,value,std_err\n1,2,3\n").warnings]
     assert "unused_column" in codes and "unused_entry" in codes
+
+
+@pytest.mark.parametrize("name", ["x", "x_mm", "X (cm)"])
+def test_places_by_another_name_are_not_taken_for_the_axis(load, name):
+    """Readings at x and y were replicates on the axis, to be numbered; at x_mm "no beam through water"."""
+    with pytest.raises(
+        MeasurementError, match=r"line 1: the column '.*' is none .*, and x_m is missing"
+    ) as e:
+        load(f"z_m,value,{name}\n1,2,3\n1,3,4\n")
+    assert "call it x_m, its numbers in metres" in str(e.value) and "there already" not in str(e.value)
 
 
 def test_saturated_readings_are_marked_not_dropped(load):
