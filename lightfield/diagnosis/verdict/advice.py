@@ -276,6 +276,7 @@ def where_next(
         between=[list(one.names), list(two.names)],
         readings=[] if alike else readings,
         wavelength_nm=None if alike else places.at_nm,
+        time_s=last if np.isfinite(last) else None,
         separation_now_sigma=best.now_sigma,
         separation_predicted_sigma=best.predicted_sigma,
         laboratory={effect.name: effect.laboratory for effect in in_one} if alike else {},

@@ -34,6 +34,9 @@ class NextMeasurement(Record):
     )
     readings: list[PlaceToRead] = Field(default_factory=list)
     wavelength_nm: float | None = Field(default=None, description="of several bands the one it is judged in")
+    time_s: float | None = Field(
+        default=None, description="the moment it is judged at, that of the last reading; none without times"
+    )
     separation_now_sigma: float | None = None
     separation_predicted_sigma: float | None = None
     laboratory: dict[str, str] = Field(
@@ -81,6 +84,7 @@ def _part(asked: NextMeasurement) -> str:
     count = sum(spot.repeats for spot in asked.readings)
     first, second = asked.between
     at = "" if asked.wavelength_nm is None else f" at {asked.wavelength_nm:g} nm"
+    at += "" if asked.time_s is None else ", right after the last one"
     return (
         f"{count} readings{at} ({spots}) would part {join(first)} and {join(second)} by "
         f"{asked.separation_predicted_sigma:.1f} sigma (now {asked.separation_now_sigma:.1f})."
@@ -89,9 +93,10 @@ def _part(asked: NextMeasurement) -> str:
 
 def _other_kind(asked: NextMeasurement) -> str:
     first, second = asked.between
+    when = "" if asked.time_s is None else ", right after the last one,"
     advice = " ".join(f"For {plain(name)}: {check}" for name, check in asked.laboratory.items())
     return (
-        f"No further reading of this kind separates {join(first)} from {join(second)}; "
+        f"No further reading of this kind{when} separates {join(first)} from {join(second)}; "
         f"change the kind of measurement. {advice}"
     )
 

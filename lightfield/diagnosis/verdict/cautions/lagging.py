@@ -22,8 +22,8 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.readings import Readings
 
-#: Length of the mean direction below which readings are taken to and fro. Chosen: of rows that are read in one
-#: direction it is 1, and there a lag is an offset.
+#: Length of the mean direction below which readings are taken to and fro. Chosen: of rows that are read in
+#: one direction it is 1, and there a lag is an offset.
 _TO_AND_FRO = 0.5
 #: Lags that are tried, m, and how exactly. Chosen: a detector of 0.5 s on a stage of 0.1 m/s has the largest.
 _MOST_M, _EXACT_M = 0.05, 1e-4

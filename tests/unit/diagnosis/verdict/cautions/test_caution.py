@@ -151,7 +151,7 @@ def test_errors_of_few_readings_that_are_stated_too_small_are_told() -> None:
 
 
 def test_relative_errors_are_asked_about_before_anything_is_believed() -> None:
-    """One per cent in place of one per cent of 5000 counts: 15 effects and "near 7 minutes" were told first."""
+    """One per cent in place of one per cent of 5000 counts: 15 effects were tried, and a time was told."""
     table, scene = readings(seed=1, noise=0.01)
     counts = 5000 * table.value / table.value.max()
     table = replace(table, value=counts, stderr=np.full(len(table), 0.01))
