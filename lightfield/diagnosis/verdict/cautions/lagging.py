@@ -72,17 +72,20 @@ class _Behind:
 
     def best_of(self, told: Explanation, base: Array) -> _Lagging:
         """Of effects one after the other that lowers the cost most, beside the lag."""
-        now = self.least((), base)
-        while rest := [c for c in told if c not in now.explanation]:
-            more = (self.with_one_more(now, candidate) for candidate in rest)
-            best = min(more, key=lambda one: self.cost(one.fit))
-            if self.cost(best.fit) > self.cost(now.fit):
+        now, rest = self.least((), base), list(told)
+        while rest:
+            cost, k, more = min(
+                (self.cost(more.fit), k, more)
+                for k, more in enumerate(self.with_one_more(now, candidate) for candidate in rest)
+            )
+            if cost > self.cost(now.fit):
                 break
-            now = best
+            now = more
+            del rest[k]
         return now
 
     def with_one_more(self, now: _Lagging, candidate: Candidate) -> _Lagging:
-        whole = tuple(c for c in self.problem.candidates if c in (*now.explanation, candidate))
+        whole = (*now.explanation, candidate)
         return self.least(whole, self.problem.model(whole).at(now.fit.by_path))
 
 
@@ -97,10 +100,13 @@ class _Lagging(NamedTuple):
 def lagging(forward: SceneForward, problem: Problem, finding: SearchResult) -> list[Caution]:
     """A caution where a lag, beside some effects that are told or none, costs no more than all that is told.
 
-    Of direct light only: for scattered and reflected light another trace would be needed.
+    Of direct light only: for scattered and reflected light another trace would be needed. Not beside a local
+    unknown, whose place it would move.
     """
     told = finding.closest
-    if finding.size == 0 or told is None or not told.explanation or has_diffuse_light(forward.scene):
+    if finding.size == 0 or told is None or not told.explanation or finding.unknown:
+        return []
+    if has_diffuse_light(forward.scene):
         return []
     steps = directions(forward.readings)
     if steps is None or not (straight := steps.any(axis=0)).any():

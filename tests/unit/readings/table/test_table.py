@@ -263,16 +263,6 @@ def test_a_column_that_only_looks_like_one_of_ours_is_reported(load):
     assert "unused_column" in codes and "unused_entry" in codes
 
 
-@pytest.mark.parametrize("name", ["x", "x_mm", "X (cm)"])
-def test_places_by_another_name_are_not_taken_for_the_axis(load, name):
-    """Readings at x and y were replicates on the axis, to be numbered; at x_mm "no beam through water"."""
-    with pytest.raises(
-        MeasurementError, match=r"line 1: the column '.*' is none .*, and x_m is missing"
-    ) as e:
-        load(f"z_m,value,{name}\n1,2,3\n1,3,4\n")
-    assert "call it x_m, its numbers in metres" in str(e.value) and "there already" not in str(e.value)
-
-
 def test_saturated_readings_are_marked_not_dropped(load):
     readings = load("# saturation_level = 10\nz_m,value,saturated\n1,12,0\n2,5,1\n3,5,0\n")
     assert readings.saturated.tolist() == [True, True, False]
