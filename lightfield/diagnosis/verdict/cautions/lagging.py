@@ -14,7 +14,7 @@ from scipy import optimize
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.problem import MANY, Explanation, Problem
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.fitting.diffuse_light import has_diffuse_light
@@ -25,6 +25,9 @@ from lightfield.readings import Readings
 #: Length of the mean direction below which readings are taken to and fro. Chosen: of rows that are read in
 #: one direction it is 1, and there a lag is an offset.
 _TO_AND_FRO = 0.5
+#: Part of the readings at which the motion goes on, at least. Derived: places of a line in random order have
+#: a third, rows of five three fifths.
+_IN_ROWS = 0.5
 #: Lags that are tried, m, and how exactly. Chosen: a detector of 0.5 s on a stage of 0.1 m/s has the largest.
 _MOST_M, _EXACT_M = 0.05, 1e-4
 #: Cosine of the turn at a reading up to which the motion goes on. Chosen: rows are straight.
@@ -101,23 +104,22 @@ def lagging(forward: SceneForward, problem: Problem, finding: SearchResult) -> l
     """A caution where a lag, beside some effects that are told or none, costs no more than all that is told.
 
     Of direct light only: for scattered and reflected light another trace would be needed. Not beside a local
-    unknown, whose place it would move.
+    unknown, whose place it would move, nor of many readings.
     """
     told = finding.closest
     if finding.size == 0 or told is None or not told.explanation or finding.unknown:
         return []
-    if has_diffuse_light(forward.scene):
+    if has_diffuse_light(forward.scene) or any(c.effect.diffuse for c in told.explanation):
         return []
     steps = directions(forward.readings)
-    if steps is None or not (straight := steps.any(axis=0)).any():
+    if steps is None or problem.layout.size > MANY or (straight := steps.any(axis=0)).mean() <= _IN_ROWS:
         return []
     if np.linalg.norm(steps[:, straight].mean(axis=1)) > _TO_AND_FRO:
         return []
     # How far the stage has moved on where it turns depends on how it does that.
     problem = replace(problem, keep=problem.keep * straight)
-    direct = tuple(c for c in told.explanation if not c.effect.diffuse)
     behind = _Behind(forward, problem, finding.level.bench.whiten, steps, finding.scale)
-    best, kept = behind.best_of(direct, finding.level.base.u), float(problem.keep.sum())
+    best, kept = behind.best_of(told.explanation, finding.level.base.u), float(problem.keep.sum())
     as_given = problem.fit(told.explanation, behind.whiten, [told.fit.u])
     lag_costs = behind.cost(best.fit) + float(np.log(kept))
     if lag_costs > behind.cost(as_given):

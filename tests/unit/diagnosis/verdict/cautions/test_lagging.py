@@ -58,6 +58,18 @@ def test_rows_in_one_direction_show_no_lag() -> None:
     assert not [c for c in verdict.cautions if c.warns is Warns.LAGS]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_places_in_random_order_show_no_lag(seed: int) -> None:
+    """No rows, no motion to and fro. Of a third of them a lag of 1 to 14 mm did as well in 7 of 70 campaigns
+    of others that had none: what is told rests on all."""
+    table, believed = many_lines(75, 5, **{"water.gradient_per_m2": 0.01})
+    order = np.random.default_rng(seed).permutation(75)
+    mixed = replace(table.subset(order), time_s=10.0 * np.arange(75))
+    verdict = diagnose(mixed, believed, diffuse=None, only=ASKED, advise=False).verdict
+    assert verdict.best_set
+    assert not [c for c in verdict.cautions if c.warns is Warns.LAGS]
+
+
 def test_the_motion_goes_on_along_rows_and_nowhere_else() -> None:
     table, _ = many_lines(15, 3)
     way = directions(to_and_fro_of_three(table))
