@@ -15,6 +15,7 @@ from lightfield.arrays import Array
 from lightfield.formula.own_formulas import lit
 from lightfield.readings import Readings
 from lightfield.render.diffuse.bending import surrounded
+from lightfield.render.diffuse.on_planes import on_planes, planes_for
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.direct import direct_at
 from lightfield.render.limits import AT_READINGS
@@ -191,7 +192,7 @@ class AtPlaces:
             ]
         if part != "direct":
             found = self.rendering.relative_maps(at, "diffuse")
-            shift = Shift.on(self.rendering.grid, self.x_m, self.y_m, self.z_m)
+            shift = Shift.on(self.rendering.grid, self.x_m, self.y_m, self.z_m, tank=scene.tank)
             for n, (mean, stderr) in enumerate(zip(*(v.reshape(len(at), -1) for v in found), strict=True)):
                 known = np.isfinite(stderr) & (mean > 0)
                 relative = np.divide(stderr, mean, out=np.zeros_like(stderr), where=known)
@@ -204,5 +205,6 @@ class AtPlaces:
 def _traced(scene: Scene, x: Array, y: Array, z: Array, **settings: Unpack[SharedTracing]) -> Rendering:
     """A rendering of cells around places in the water."""
     width = core_width_deg(lit(scene).lamp)
-    grid = positions_grid(x, y, z, CELL_M, width, scene.tank, detector=scene.detector)
+    told = on_planes(planes_for(z, scene.tank), x, y, z, tank=scene.tank)
+    grid = positions_grid(*told.places, CELL_M, width, scene.tank, detector=scene.detector)
     return render_scene(scene, grid=surrounded(grid, scene.tank), **settings)

@@ -256,6 +256,26 @@ def test_what_a_page_moves_is_python_whatever_the_scene_states(tmp_path: Path) -
     assert sum(why is None for why in fixed.values()) > len(FIELDS) / 2
 
 
+@needs_browser
+def test_a_track_moves_as_python_moves_it(tmp_path: Path) -> None:
+    """Readings between planes, walls and layers: the kernel interpolates as Python does."""
+    turn = np.linspace(0, 9, 70)
+    x, y, z = 0.4 * np.sin(turn), 0.3 * np.cos(turn), np.linspace(3.0, 4.5, 70)
+    table = Readings.from_arrays(value=np.exp(-0.3 * z), stderr=0.01 * np.exp(-0.3 * z), x_m=x, y_m=y, z_m=z)
+    scene = SCENE.with_values({"water.gradient_per_m2": 0.01, "tank.wall_albedo": 0.3})
+    forward = SceneForward(scene, table, partial(response_for, photons=20_000, keeper=AFRESH), full=1.0)
+    values = {forward.gains.names[0]: 1.0} | {
+        p: float(scene.get(p)) for p in (ABSORPTION, SCATTERING, ALBEDO)
+    }
+    arrays = PackedArrays()
+    found = moving_light(forward, values, forward.gains.names, ranges_at_stop(values), arrays)
+    assert found["diffuse"]["weight"] is not None
+    moved = {"by": {SCATTERING: 0.1}, "ratio": {}, "background": 0.0, "albedo": 0.2}
+    (light, _), *_ = in_the_kernel(jsonable([[found, moved]]), arrays, tmp_path)
+    now = values | {SCATTERING: values[SCATTERING] + 0.1, ALBEDO: 0.2}
+    check(light, forward.predict(now), "track")
+
+
 def in_the_kernel(sets: list[Any], arrays: PackedArrays, folder: Path) -> list[list[list[float]]]:
     """Readings and formula that the kernel of a page makes of sets of places, each moved by something."""
     from playwright.sync_api import sync_playwright

@@ -100,6 +100,14 @@ LF.kernel.atPlaces = (d, field) => {
   return out;
 };
 
+// From values at places that of a reading; of a track two places tell of it, one before and one behind it.
+LF.kernel.between = (d, values, n) => (p) => {
+  if (!d.weight) return values(d.which[p]);
+  let log = 0;
+  for (let i = p; i < d.which.length; i += n) log += d.weight[i] * Math.log(Math.max(values(d.which[i]), 1e-300));
+  return Math.exp(log);
+};
+
 LF.kernel.lagrange = (nodes, at) => nodes.map((x) => nodes.reduce((product, y) => (y === x ? product : (product * (at - y)) / (x - y)), 1));
 
 LF.kernel.reflected = (r, through, c, rho, n) => {
@@ -129,13 +137,15 @@ LF.kernel.evaluate = (set, moved) => {
     const gain = moved.ratio[one.gain] ?? 1;
     let diffuse = null, reflected = null;
     if (d && (b > 0 || rho > 0 || d.surface > 0)) {
-      diffuse = LF.kernel.atPlaces(d, LF.kernel.inCells(d, a, b, rho));
-      if (d.reflected) reflected = LF.kernel.reflected(d.reflected, (p) => d.through[d.cell[d.which[p]]], a + b, rho, n);
+      const places = LF.kernel.atPlaces(d, LF.kernel.inCells(d, a, b, rho)), seen = LF.kernel.between(d, (i) => places[i], n);
+      diffuse = (p) => seen(p) * (d.scale ? d.scale[p] : 1);
+      const through = LF.kernel.between(d, (i) => d.through[d.cell[i]], n);
+      if (d.reflected) reflected = LF.kernel.reflected(d.reflected, through, a + b, rho, n);
     }
     for (let p = 0; p < n; p++) {
       if (set.channel[p] !== k) continue;
       const direct = set.direct[p] * Math.exp(-(more + denser) * set.way[p]);
-      const light = direct + (diffuse ? diffuse[d.which[p]] : 0) + (reflected ? reflected[p] : 0);
+      const light = direct + (diffuse ? diffuse(p) : 0) + (reflected ? reflected[p] : 0);
       formula[p] = set.slope[p] * gain * direct + set.offset[p] + moved.background;
       model[p] = set.slope[p] * gain * light + set.offset[p] + moved.background;
     }

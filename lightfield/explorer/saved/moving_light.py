@@ -205,7 +205,9 @@ def _diffuse(p: Portable, arrays: PackedArrays) -> dict[str, Any]:
         "dy": arrays.add(p.shift.dy_m),
         "vx": p.shift.variance_x,
         "vy": p.shift.variance_y,
-        "which": arrays.add(p.shift.which, "u4"),
+        "which": arrays.add(p.shift.which.ravel(), "u4"),
+        "weight": arrays.add(p.shift.weight.ravel()) if len(p.shift.which) > 1 else None,
+        "scale": arrays.add(p.shift.scale) if len(p.shift.which) > 1 else None,
         "near": arrays.add(near, "u4"),
         "terms": arrays.add(terms),
         "reflected": None

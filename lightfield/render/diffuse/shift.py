@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from lightfield.render.diffuse.bending import TalliedCells, quadratic
+from lightfield.render.diffuse.on_planes import on_planes
 from lightfield.render.response.grid import Grid, cell_of
+from lightfield.scene.tank import Tank
 
 #: Light from walls varies over the distance to them, not over the width of the beam.
 SMOOTH_WALLS = 11, 21, 0.25
 #: The light at one g over that at another varies over more than the width of a beam, which is an angle.
 SMOOTH_RATIOS = 7, 21, 0.095
+#: Light that is darker has no logarithm.
+DARKEST = 1e-300
 #: The mean over a cell parts from its middle by no more than this; what says more is noise.
 MOST_BENT = 0.5
 
@@ -33,8 +37,11 @@ class ShiftParts(NamedTuple):
         Of a place within its cell.
     terms : sparse array, shape (6 * n_places, n_cells)
         Value, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2 of the logarithm, one after the other.
-    which : array of int, shape (n,)
-        Place of each reading.
+    which : array of int, shape (k, n)
+        Place of each reading; of a track two, before and behind it.
+    weight : array, shape (k, n)
+        Of the logarithm of light there, see `OnPlanes`.
+    scale : array, shape (n,)
     """
 
     cell: NDArray[np.int_]
@@ -44,21 +51,38 @@ class ShiftParts(NamedTuple):
     variance_y: float
     terms: sparse.csr_array
     which: NDArray[np.int_]
+    weight: np.ndarray
+    scale: np.ndarray
+
+    def at_readings(self, light: np.ndarray) -> np.ndarray:
+        """From light at the places that of the readings, (..., n_places) to (..., n)."""
+        return self.between(light) if len(self.which) == 1 else self.between(light) * self.scale
+
+    def between(self, values: np.ndarray) -> np.ndarray:
+        """The same of what does not fall with the distance."""
+        if len(self.which) == 1:
+            return np.asarray(values[..., self.which[0]])
+        log = np.log(np.maximum(values, DARKEST))[..., self.which]
+        return np.asarray(np.exp((log * self.weight).sum(axis=-2)))
 
     def shares(self, offset_x_m: float, offset_y_m: float) -> sparse.csr_array:
         """See `Shift`; of light whose source stands at the offset."""
         dx, dy, one = self.dx_m - offset_x_m, self.dy_m - offset_y_m, np.ones_like(self.dx_m)
         curved = 0.5 * (dx * dx - self.variance_x), dx * dy, 0.5 * (dy * dy - self.variance_y)
         together = sparse.hstack([sparse.diags_array(f) for f in (one, dx, dy, *curved)], format="csr")
-        return sparse.csr_array(together @ self.terms)[self.which]
+        at_places = sparse.csr_array(together @ self.terms)
+        of_each = zip(self.weight, self.which, strict=True)
+        return sum(sparse.diags_array(weight) @ at_places[which] for weight, which in of_each)
 
     def some(self, rows: np.ndarray) -> ShiftParts:
         """Of those places alone that some of the readings are at."""
-        used, which = np.unique(self.which[rows], return_inverse=True)
+        mine = self.which[:, rows]
+        used, which = np.unique(mine, return_inverse=True)
         terms = self.terms[(np.arange(6)[:, None] * len(self.cell) + used).ravel()]
         return self._replace(
-            cell=self.cell[used], dx_m=self.dx_m[used], dy_m=self.dy_m[used], terms=terms, which=which.ravel()
-        )
+            cell=self.cell[used], dx_m=self.dx_m[used], dy_m=self.dy_m[used], terms=terms,
+            which=which.reshape(mine.shape), weight=self.weight[:, rows], scale=self.scale[rows],
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +94,6 @@ class Shift:
 
     Parameters
     ----------
-    cell : array of int, shape (n,)
-        Cell of each reading.
     cell_y_m, cell_z_m : arrays, shape (n_cells,), m
     asked : int
         Number of readings, of which these may be `some`.
@@ -81,7 +103,6 @@ class Shift:
         Relative errors of the readings from those of the cells.
     """
 
-    cell: NDArray[np.int_]
     cell_y_m: np.ndarray
     cell_z_m: np.ndarray
     asked: int
@@ -96,6 +117,7 @@ class Shift:
         y_m: np.ndarray,
         z_m: np.ndarray,
         lamp_m: tuple[float, float] = (0.0, 0.0),
+        tank: Tank | None = None,
     ) -> Shift:
         """From the cells of a grid, `surrounded` by those that tell how the light bends, to readings.
 
@@ -103,14 +125,16 @@ class Shift:
         ----------
         lamp_m : pair of float, m
             x and y of the lamp that lit the cells.
+        tank : Tank, optional
+            Around the readings of a track, see `on_planes`.
         """
         cells = TalliedCells(grid)
         number = np.full(grid.shape, -1)
         number[np.ones(grid.shape, bool) if grid.occupied is None else grid.occupied] = np.arange(cells.size)
-        cell = number[cell_of(grid, x_m, y_m, z_m)]
-        places = np.stack([x_m, y_m, z_m], axis=1)
-        _, one_each, which = np.unique(places, axis=0, return_index=True, return_inverse=True)
-        at = cell[one_each]
+        told = on_planes(grid.z_m, x_m, y_m, z_m, lamp_m, tank)
+        places, which = np.unique(np.stack(told.places, axis=1), axis=0, return_inverse=True)
+        x, y, z = places.T
+        at = number[cell_of(grid, x, y, z)]
         # From the few cells around each place.
         of_cell = {i: cells.quadratic(i) for i in np.unique(at).tolist()}
         quadratics = [of_cell[i] for i in at.tolist()]
@@ -120,10 +144,16 @@ class Shift:
         shape = len(quadratics), cells.size
         terms = sparse.vstack([sparse.csr_array((w, (row, near)), shape) for w in weights], format="csr")
         parts = ShiftParts(
-            at, x_m[one_each] - cells.x[at] + lamp_m[0], y_m[one_each] - cells.y[at] + lamp_m[1],
-            grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12, terms, which.ravel(),
+            at, x - cells.x[at] + lamp_m[0], y - cells.y[at] + lamp_m[1],
+            grid.pitch_x_m**2 / 12, grid.pitch_y_m**2 / 12, terms, which.reshape(told.weight.shape),
+            told.weight, told.scale,
         )  # fmt: skip
-        return cls(cell, cells.y, cells.z, len(cell), parts, parts.shares(0.0, 0.0))
+        return cls(cells.y, cells.z, len(z_m), parts, parts.shares(0.0, 0.0))
+
+    @property
+    def cell(self) -> NDArray[np.int_]:
+        """Cell of each reading; of a track the one before it, shape (n,)."""
+        return np.asarray(self.parts.cell[self.parts.which[0]])
 
     def seen_from(self, offset_x_m: float, offset_y_m: float) -> Shift:
         """The same with `shares` of light whose source stands at the offset: slopes have more noise."""
@@ -140,7 +170,7 @@ class Shift:
         """
         top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
         log = np.log(np.maximum(field, 1e-6 * top))
-        at, dx, dy, vx, vy, of_cells, which = self.parts
+        at, dx, dy, vx, vy, of_cells, *_ = self.parts
         terms = (of_cells @ log.reshape(-1, log.shape[-1]).T).T
         value, gx, gy, gxx, gxy, gyy = np.moveaxis(terms.reshape(*log.shape[:-1], 6, -1), -2, 0)
         ux, uy = (np.maximum(1 + v * k, 1 - MOST_BENT) for v, k in ((vx, gxx), (vy, gyy)))
@@ -151,15 +181,15 @@ class Shift:
         here = field[..., at]
         lit = np.where(here > 1e-6 * top, np.exp(value), here)
         bent = np.exp(np.clip(middle, -MOST_BENT, MOST_BENT) + np.clip(change, -3, 3))
-        return np.asarray((lit * bent)[..., which])
+        return self.parts.at_readings(lit * bent)
 
     def some(self, rows: np.ndarray) -> Shift:
         """To some of the readings."""
-        return replace(self, cell=self.cell[rows], shares=self.shares[rows], parts=self.parts.some(rows))
+        return replace(self, shares=self.shares[rows], parts=self.parts.some(rows))
 
     def pick(self, field: np.ndarray) -> np.ndarray:
-        """Field of the cell of each reading, unshifted; shape (n,)."""
-        return np.asarray(field[self.cell])
+        """Field of the cells of each reading, unshifted; shape (n,)."""
+        return self.parts.between(field[self.parts.cell])
 
 
 def smoother(grid: Grid, most_1d: int, most_2d: int, reach_rad: float = np.inf) -> sparse.csr_array:

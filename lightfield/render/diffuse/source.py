@@ -16,6 +16,7 @@ from lightfield.render.diffuse.between_g import SHAPES, BetweenG
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
 from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.directed import DirectedTrace, Keeper
+from lightfield.render.diffuse.on_planes import on_planes, planes_for
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
 from lightfield.render.reflected.reflected_light import ReflectedLight, applies
@@ -129,7 +130,8 @@ def response_for(
     molecules = min(float(molecular_per_m(scene.water, middles_nm(scene).mean())) / CLEAR_PER_M, 1.0)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
     reference = Reference(REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
-    grid = _grid_for(scene, places, width)
+    lamp_m = _lamp_m(scene, places[2], width)
+    grid = _grid_for(scene, places, width, lamp_m)
     walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
 
     def one(of: Scene, shapes: tuple[float, ...], classes: Sequence[int], photons: int) -> TracedLight:
@@ -137,7 +139,6 @@ def response_for(
         trace = DirectedTrace(of, grid, reference, shapes, tuple(classes), sent_to, seed)
         return _light(trace, keeper, walls, ratios)
 
-    lamp_m = _lamp_m(scene, places[2], width)
     traced = _traced_scene(scene, width, open_top, lamp_m)
     own_top, under_surface = one(traced, nodes, needed, round(sent)), None
     if scene.tank is not None and not open_top:
@@ -145,19 +146,23 @@ def response_for(
         few, surface = round(UNDER_SURFACE * sent), _traced_scene(scene, width, True, lamp_m)
         under_surface = one(surface, nodes, needed[1:], few)
     water = TracedWater(own_top, under_surface)
-    shift = Shift.on(grid, *places, lamp_m)
+    shift = Shift.on(grid, *places, lamp_m, scene.tank)
     return DiffuseResponse(shift, straight_path(traced, grid), walls, water, reflected)
 
 
 def cells_for(scene: Scene, x_m: Array, y_m: Array, z_m: Array) -> int:
     """How many cells a trace for places of a measurement keeps in memory; see `response_for`."""
     width = sent_width_deg(scene.lamp.hwhm_deg)
-    traced = _traced_scene(scene, width, False, _lamp_m(scene, np.asarray(z_m, float), width))
-    return len(mirror_images(traced, _grid_for(scene, (x_m, y_m, z_m), width)).kept)
+    lamp_m = _lamp_m(scene, np.asarray(z_m, float), width)
+    traced = _traced_scene(scene, width, False, lamp_m)
+    return len(mirror_images(traced, _grid_for(scene, (x_m, y_m, z_m), width, lamp_m)).kept)
 
 
-def _grid_for(scene: Scene, places: tuple[Array, Array, Array], width: float) -> Grid:
-    grid = positions_grid(*places, CELL_M, width / SENT_WIDTH, scene.tank, MOST_FINE, scene.detector)
+def _grid_for(
+    scene: Scene, places: tuple[Array, Array, Array], width: float, lamp_m: tuple[float, float]
+) -> Grid:
+    told = on_planes(planes_for(places[2], scene.tank), *places, lamp_m, scene.tank)
+    grid = positions_grid(*told.places, CELL_M, width / SENT_WIDTH, scene.tank, MOST_FINE, scene.detector)
     return surrounded(grid, scene.tank)
 
 

@@ -138,10 +138,11 @@ def _by_plane(
     channel: NDArray[np.integer[Any]],
 ) -> Array:
     """The modes of many readings: planes share no photons, and have fewer cells than contributions."""
-    at, waters = shift.cell_z_m[shift.cell], len(per_light)
+    waters = len(per_light)
     of_planes = []
     for z in np.unique(shift.cell_z_m):
-        cells, here = np.flatnonzero(shift.cell_z_m == z), at == z
+        cells = np.flatnonzero(shift.cell_z_m == z)
+        here = np.diff(shift.shares[:, cells].indptr) > 0
         columns, among = [], dict[int, csr_array]()
         for kind, (_, noises, _) in parts.items():
             smooth = walls[cells][:, cells] if kind in FROM_WALLS else None

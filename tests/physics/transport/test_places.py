@@ -90,26 +90,42 @@ def spread_out(places: Places) -> np.ndarray:
     return np.array([(i * PIXEL_M, j * PIXEL_M, z) for z in PLANES for i, j in places]).T
 
 
-def p_of_fast_light(scene: Scene, reference: Reference, places: Places, photons: int, seed: int = 3) -> float:
-    """Probability by all that is stated: Monte Carlo errors of both, and the response's other one."""
-    x, y, z = spread_out(places)
+def a_track(n: int) -> np.ndarray:
+    """Places of a vehicle that comes nearer in loops, each at a distance of its own."""
+    turn = np.linspace(0, 20, n)
+    return np.stack([0.4 * np.sin(turn), 0.3 * np.cos(0.7 * turn), np.linspace(5.1, 2.7, n)])
+
+
+def p_of_fast_light(
+    scene: Scene, reference: Reference, places: Places, photons: int, seed: int = 3, track: int = 0
+) -> float:
+    """Probability by all that is stated: Monte Carlo errors of both, and the response's other one.
+
+    Of the response at the places alone, or as some that so many others on a track are passed between."""
+    x, y, z = np.hstack([spread_out(places), a_track(track)])
     response = response_for(scene, x, y, z, photons=photons, g_nodes=(0.92,), seed=seed, keeper=AFRESH)
+    assert bool(track) == (len(np.unique(response.shift.cell_z_m)) < len(np.unique(z)))
+    asked = np.arange(len(x)) < len(x) - track
+    response, x = response.some(asked), x[asked]
     modes, smooth = response.errors(scene, [None], np.zeros(len(x), int))
     mean, stderr = reference(places)
     own = np.linalg.norm(modes, axis=1), DIRECTION_BATCHES - 1
     return least_p(response.light(scene, [None])[0] - mean, own, (smooth, np.inf), (stderr, BATCHES - 1))
 
 
-def p_of_renders(scene: Scene, reference: Reference, places: Places, photons: float, seed: int = 3) -> float:
+def p_of_renders(
+    scene: Scene, reference: Reference, places: Places, photons: float, seed: int = 3, track: int = 0
+) -> float:
     """The same of fresh renders, whose error is Monte Carlo's alone."""
-    x, y, z = spread_out(places)
+    x, y, z = np.hstack([spread_out(places), a_track(track)])
     unknown = np.full(len(x), np.nan)
     medium = np.full(len(x), "water")
     readings = SimpleNamespace(x_m=x, y_m=y, z_m=z, medium=medium, wavelength_nm=unknown, time_s=unknown)
     light, error = rendered_light(scene, readings, seed=seed, rel_error=1e-3, max_photons=photons)
     mean, stderr = reference(places)
-    away = light - direct_at(scene, x, y, z, 0.23) - mean
-    return least_p(away, (error, BATCHES - 1), (stderr, BATCHES - 1))
+    asked = np.arange(len(x)) < len(x) - track
+    away = (light - direct_at(scene, x, y, z, 0.23))[asked] - mean
+    return least_p(away, (error[asked], BATCHES - 1), (stderr, BATCHES - 1))
 
 
 @given(LAYOUTS)
@@ -124,6 +140,12 @@ def test_fast_light(reference: Reference, places: Places) -> None:
 def test_fresh_renders(reference: Reference) -> None:
     """At uneven places beside the axis."""
     assert p_of_renders(SCENES["open water"], reference, UNEVEN, 1e6) > RARE
+
+
+def test_on_a_track(reference: Reference) -> None:
+    """Both between planes that no reading lies on."""
+    assert p_of_fast_light(SCENES["open water"], reference, UNEVEN, 400_000, track=80) > RARE
+    assert p_of_renders(SCENES["open water"], reference, UNEVEN, 1e6, track=80) > RARE
 
 
 @pytest.mark.slow
@@ -152,3 +174,5 @@ def test_many_layouts(name: str) -> None:
         assert p_of_renders(scene, known, places, 3e6) > RARE
 
     both()
+    assert p_of_fast_light(scene, known, UNEVEN, 2_000_000, track=80) > RARE
+    assert p_of_renders(scene, known, UNEVEN, 3e6, track=80) > RARE
