@@ -111,6 +111,7 @@ def hide(
     plane_gain: float = 0.0,
     position: float = 0.0,
     plane_order: bool = False,
+    to_and_fro: bool = False,
     max_photons: float = MADE_PHOTONS,
 ) -> Riddle:
     """Make readings with effects hidden in them, through the full render.
@@ -142,6 +143,8 @@ def hide(
         Error of every position, stated with the readings.
     plane_order : bool
         Read plane by plane instead of in random order.
+    to_and_fro : bool
+        So too, every other row along x from its other end.
     max_photons : float
         Of the render; what it leaves unknown is stated with the errors.
 
@@ -162,7 +165,7 @@ def hide(
         seed,
         Instrument(noise, plane_gain=plane_gain / 100, position_m=position / 1000),
         layout=layout if isinstance(layout, Readings) else layout_named(layout, believed),
-        order="plane" if plane_order else "random",
+        order="rows" if to_and_fro else "plane" if plane_order else "random",
         max_photons=max_photons,
     )
     return Riddle(made)

@@ -66,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="error of every position, stated in the head of the table (default 0)",
     )
     add("--plane-order", action="store_true", help="read plane by plane instead of in random order")
+    add("--to-and-fro", action="store_true", help="so too, every other row along x from its other end")
     add_option(parser, "--max-photons", f"{MADE_PHOTONS:g}; what it leaves unknown is stated with the errors")
     add_option(parser, "--output", required=True, help="scene.toml, data.csv, truth.json")
 
@@ -97,7 +98,7 @@ def _hide(scene: Scene, values: dict[str, float], args: argparse.Namespace) -> i
             scene, size=values,
             **given(
                 args, "effect", "lamp", "strength", "seed", "layout", "noise", "plane_gain", "position",
-                "plane_order", "max_photons",
+                "plane_order", "to_and_fro", "max_photons",
             ),
         ).details  # fmt: skip
     # A file of effects is given again where one looks for them: the scene tells nothing of what was hidden.

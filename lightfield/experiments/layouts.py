@@ -18,7 +18,7 @@ from lightfield.readings.columns import LAYOUT
 from lightfield.scene import Scene
 from lightfield.scene.tank import walls_m
 
-Order = Literal["random", "plane"]
+Order = Literal["random", "plane", "rows"]
 LAYOUTS = ("line", "half", "grid", "fine", "column", "air")
 #: Where the scene lists single positions, these are the layout.
 LISTED = "positions"
@@ -124,11 +124,13 @@ def table_at(
         x_m, y_m, z_m, medium.
     wavelengths_nm : sequence of float
         NaN: the scene's band.
-    order : "random" or "plane"
-        "plane": as the places are listed.
+    order : "random", "plane" or "rows"
+        "plane": as the places are listed; "rows": so too, but every other row along x backwards.
     """
     n, colours = len(places["x_m"]), len(wavelengths_nm)
     sequence = rng.permutation(n) if order == "random" else np.arange(n)
+    if order == "rows":
+        sequence = _to_and_fro(places)
     bare = Readings.from_arrays(
         **{name: np.repeat(column, colours) for name, column in places.items()},
         value=np.ones(n * colours),
@@ -138,3 +140,11 @@ def table_at(
         quantity=scene.detector.quantity,
     )
     return bare.check_against(scene)
+
+
+def _to_and_fro(places: Mapping[str, Array]) -> NDArray[np.int_]:
+    """Which of all each place is in a scan whose every other row along x is read backwards, shape (n,)."""
+    rows = np.stack([places["y_m"], places["z_m"], np.asarray(places["medium"]) == "air"])
+    begins = np.flatnonzero(np.r_[True, (np.diff(rows, axis=1) != 0).any(axis=0)])
+    runs = np.split(np.arange(rows.shape[1]), begins[1:])
+    return np.concatenate([run[::-1] if k % 2 else run for k, run in enumerate(runs)])

@@ -16,16 +16,24 @@ from lightfield.fitting.parameter import is_gain
 from lightfield.fitting.scene_of_values import SceneOfValues
 from lightfield.formula import closed_form as analytic
 from lightfield.readings import Readings
+from lightfield.readings.motion import Motion, motion_of
 from lightfield.scene import Scene
 from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on, paths_on
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.profile import table_of
 from lightfield.scene.own.own_effect import OwnEffect
+from lightfield.scene.water.coefficients import absorption_per_m
 
 _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 #: So much light is remembered by the values it is of. Chosen: memory alone.
 _REMEMBERED = 120
+#: And so much with its slopes, which take three times as long. Chosen: memory alone.
+_FEW = 8
+#: The lamp is moved so far aside for a slope, m. Chosen: next to nothing beside a cell.
+_ASIDE_M = 1e-3
+#: How far places that are read lag behind.
+LAG = "detector.lag_m"
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +48,8 @@ class LightSource:
         Which scene values stand for.
     correction, stderr : array, shape (n,)
         Factor on the light, and error of what comes of it beside the trace's own.
+    motion : Motion, optional
+        Of the detector; absent, it stands.
     held : (LightSource, array, mapping), optional
         Whose scattered and reflected light, shape (n,), stays as it is while the parameters that make it
         have these values.
@@ -49,6 +59,7 @@ class LightSource:
     scenes: SceneOfValues
     correction: Array | float = 1.0
     stderr: Array | float = 0.0
+    motion: Motion | None = None
     held: tuple[LightSource, Array, Mapping[str, float]] | None = None
 
     @classmethod
@@ -56,8 +67,9 @@ class LightSource:
         cls, scene: Scene, readings: Readings, trace: DiffuseSource | None, dense_per_m: float | None
     ) -> LightSource:
         """Of a scene at the places of a table, see `DiffuseLight`."""
-        scenes = SceneOfValues(scene, Curves(scene, readings))
-        return cls(DiffuseLight.of(scene, readings, trace, dense_per_m), scenes)
+        scenes, r = SceneOfValues(scene, Curves(scene, readings)), readings
+        motion = motion_of(r.x_m, r.y_m, r.z_m, r.time_s)
+        return cls(DiffuseLight.of(scene, readings, trace, dense_per_m), scenes, motion=motion)
 
     @property
     def readings(self) -> Readings:
@@ -72,7 +84,10 @@ class LightSource:
         correction, stderr = (
             v if np.ndim(v) == 0 else np.asarray(v)[rows] for v in (self.correction, self.stderr)
         )
-        return replace(self, diffuse=self.diffuse.subset(rows), correction=correction, stderr=stderr)
+        motion = None if self.motion is None else self.motion.some(rows)
+        return replace(
+            self, diffuse=self.diffuse.subset(rows), correction=correction, stderr=stderr, motion=motion
+        )
 
     def corrected(self, light: Array, stderr: Array, values: Mapping[str, float]) -> LightSource:
         """The same, scaled reading by reading, so that at `values` it equals a full render.
@@ -115,13 +130,27 @@ class LightSource:
         return np.asarray(self.light(values) - self.direct(scene, self.readings) * self.correction)
 
     def direct(self, scene: Scene, readings: Readings) -> Array:
-        """Direct light of a scene alone at the places of some readings, shape (n,)."""
+        """Direct light of a scene alone at the places of some readings, shape (n,), or behind them."""
         r = readings
+        x, y, z = r.x_m, r.y_m, r.z_m
+        if scene.detector.lag_m and self.motion is not None:
+            x, y, z = self.motion.behind(scene.detector.lag_m, x, y, z)
         wavelength = r.wavelength_nm
         if scene.detector.wavelength_shift_nm:
             middle = float(np.mean(scene.detector.bands_nm[0]))
             wavelength = read_nm(scene, np.where(np.isnan(wavelength), middle, wavelength))
-        return analytic.direct_field(scene, r.x_m, r.y_m, r.z_m, wavelength, r.medium, r.time_s)
+        return analytic.direct_field(scene, x, y, z, wavelength, r.medium, r.time_s)
+
+    def slopes_of_rest(self, values: Mapping[str, float]) -> Array:
+        """How scattered and reflected light changes along x, y and z, per metre, shape (3, n).
+
+        It moves aside with the lamp, as in `DiffuseResponse`, and falls with the square of the distance and
+        by absorption.
+        """
+        optical = _optical_of(tuple(values))
+        return np.asarray(
+            self._about(tuple((p, values[p]) for p in optical if p != LAG))[1:] * self.correction
+        )
 
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Errors of the light by its scattered and reflected part.
@@ -175,8 +204,32 @@ class LightSource:
         if self.held is not None:
             return np.asarray(light * self.correction + self.held[1])
         if self.diffuse.is_in(scene):
-            light = light + self.diffuse.light(scene)
+            light = light + self._behind(scene, optical)
         return np.asarray(light * self.correction)
+
+    def _behind(self, scene: Scene, optical: tuple[tuple[str, float], ...]) -> Array:
+        """Scattered and reflected light, shape (n,), where the places that are read lag behind."""
+        if self.motion is None or not scene.detector.lag_m:
+            return self.diffuse.light(scene)
+        rest, *slopes = self._about(tuple(one for one in optical if one[0] != LAG))
+        return np.asarray(rest - scene.detector.lag_m * (self.motion.way * slopes).sum(axis=0))
+
+    @cached_property
+    def _about(self) -> Callable[[tuple[tuple[str, float], ...]], Array]:
+        return lru_cache(_FEW)(self._with_slopes)
+
+    def _with_slopes(self, optical: tuple[tuple[str, float], ...]) -> Array:
+        """Scattered and reflected light, and how it changes with the place, shape (4, n)."""
+        scene = self.scenes.with_values(dict(optical))
+        if not self.diffuse.is_in(scene):
+            return np.zeros((4, len(self.diffuse.channels[1])))
+        rest, sides = self.diffuse.light(scene), []
+        for offset in ("lamp.offset_x_m", "lamp.offset_y_m"):
+            aside = scene.with_values({offset: float(scene.get(offset)) - _ASIDE_M}, validate=False)
+            sides.append((self.diffuse.light(aside) - rest) / _ASIDE_M)
+        water = absorption_per_m(scene.water, self.diffuse.wavelengths_nm)[self.diffuse.channels[1]]
+        falling = 2 / np.maximum(np.abs(self.readings.z_m), _ASIDE_M) + water
+        return np.stack([rest, *sides, -falling * rest])
 
 
 def _optical(values: Mapping[str, float]) -> dict[str, float]:

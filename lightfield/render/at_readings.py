@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.formula.own_formulas import lit
 from lightfield.readings import Readings
+from lightfield.readings.motion import motion_of
 from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.on_planes import on_planes, planes_for
 from lightfield.render.diffuse.shift import Shift
@@ -67,6 +68,8 @@ def rendered_light(
         From the cache, if this very render was made before.
     """
     x, y, z = (np.asarray(v, float) for v in (readings.x_m, readings.y_m, readings.z_m))
+    if scene.detector.lag_m and (motion := motion_of(x, y, z, readings.time_s)) is not None:
+        x, y, z = motion.behind(scene.detector.lag_m, x, y, z)
     dry = np.asarray(readings.medium) == "air"
     wavelength = np.asarray(readings.wavelength_nm, float)
     middle = float(np.mean(scene.detector.bands_nm[0]))

@@ -31,6 +31,7 @@ class Acts(Flag):
     FLOOR = auto()  #: how much the floor sends back beside the walls
     WAVES = auto()  #: how the water surface is tilted
     RECEIVER = auto()  #: response to the direction of arrival
+    MOTION = auto()  #: how far from where they are said to be places are read while the detector moves
     PLACES = auto()  #: where and in which bands light is read
     READOUT = auto()  #: from light to the number that is read
 

@@ -75,6 +75,10 @@ class Detector(Part):
     response_table: TablePath | None = declare(
         None, "for response table: CSV (wavelength_nm, response), any scale", Acts.POWER, later=True
     )
+    lag_m: float = number(
+        0.0, "m", "what is read lies so far behind the stated places, along the way from one to the next",
+        Acts.MOTION, low=-1.0, high=1.0, neutral=0.0, later=True,
+    )  # fmt: skip
     wavelength_shift_nm: float = number(
         0.0, "nm", "what is read lies so far above the wavelengths and bands that are stated",
         Acts.PLACES, low=-50.0, high=50.0, neutral=0.0,

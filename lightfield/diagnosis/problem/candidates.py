@@ -17,6 +17,7 @@ from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.parameter import FitParameter
 from lightfield.formula.path import attenuation_per_m
+from lightfield.readings.motion import motion_of
 from lightfield.render.reflected.reflected_light import applies
 from lightfield.scene import Scene
 from lightfield.scene.parameters import Parameter
@@ -47,6 +48,7 @@ UNMET: Mapping[str, Hinders] = {
     "vary_z": Hinders.ONE_DISTANCE,
     "off_axis": Hinders.ON_AXIS,
     "time": Hinders.NO_TIMES,
+    "to_and_fro": Hinders.ONE_WAY,
     "tank": Hinders.NO_TANK,
     "mirror": Hinders.NARROW_VIEW,
     "water": Hinders.NO_WATER,
@@ -101,6 +103,9 @@ class Setting:
         layout = self.layout
         if need in ("vary_x", "vary_y", "vary_z"):
             return layout.varies(need[-1] + "_m")
+        if need == "to_and_fro":
+            motion = motion_of(layout.x_m, layout.y_m, layout.z_m, layout.time_s)
+            return motion is not None and motion.to_and_fro
         return {
             "off_axis": bool(layout.angle_rad.max() > LEAST_RANGE),
             "time": layout.has_time,

@@ -15,6 +15,7 @@ class Hinders(str, Enum):
     ONE_DISTANCE = "one distance"
     ON_AXIS = "on the axis only"
     NO_TIMES = "no times"
+    ONE_WAY = "not read to and fro"
     NO_TANK = "no tank"
     NARROW_VIEW = "surface seen in part"
     NO_WATER = "none in water"
@@ -73,6 +74,7 @@ _WORDS = {
     Hinders.ONE_DISTANCE: "all readings are at one distance",
     Hinders.ON_AXIS: "all readings are on the axis",
     Hinders.NO_TIMES: "the readings carry no times",
+    Hinders.ONE_WAY: "needs readings taken on the way, some one way and some the other, with their times",
     Hinders.NO_TANK: "the scene has no [tank]",
     Hinders.NARROW_VIEW: "what this detector sees of the surface is traced, with waves as the scene "
     "states them",

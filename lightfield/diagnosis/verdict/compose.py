@@ -18,7 +18,6 @@ from lightfield.diagnosis.verdict.advice import where_next
 from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
-from lightfield.diagnosis.verdict.cautions.lagging import lagging
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.estimates import estimates, units_in
@@ -312,7 +311,6 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
             cautions=[
                 *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
                 *exchanged(basis.forward, problem, finding),
-                *lagging(basis.forward, problem, finding),
                 *cautions(basis.readings, basis.prepared, finding, explanations),
             ],
         ),

@@ -80,6 +80,17 @@ EFFECTS = (
         needs=("off_axis",),
     ),
     Effect(
+        "lag",
+        "position",
+        (Form("along the motion", (Free("detector.lag_m", -0.05, 0.05, 0.001),)),),
+        "The places that are read lie behind those stated: a slow detector on a stage that moves on, or play "
+        "in the stage.",
+        "A slope across the beam whose sign changes with the direction of the motion. Where rows alternate "
+        "a lamp that changes in time, with water or an offset that undo it from row to row, is nearly alike.",
+        "Read one row both ways: two curves that are apart along it by twice the lag.",
+        needs=("to_and_fro",),
+    ),
+    Effect(
         "immersion",
         "detector response",
         (Form("factor", (Free("detector.immersion_factor", 0.6, 2.0, 0.02),)),),

@@ -34,6 +34,7 @@ Need = Literal[
     "vary_y",
     "vary_z",
     "time",
+    "to_and_fro",
     "tank",
     "mirror",
     "water",

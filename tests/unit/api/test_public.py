@@ -25,7 +25,7 @@ FUNCTIONS = {
     "compare": "what, scene, with_, effects_file, solver, trace, rel_error, max_photons, seed, cache",
     "picture": "scene, size, samples, seed, as_is",
     "hide": "scene, effect, lamp, size, effects_file, strength, seed, layout, noise, plane_gain, position, "
-    "plane_order, max_photons",
+    "plane_order, to_and_fro, max_photons",
     "diagnose": "readings, scene, effects, effects_file, alpha, seed, trace, render",
     "plan": "layout, scene, effects, size, effects_file, trace",
     "sweep": "scene, vary, output, rel_error, max_photons, seed, maps, workers, scheduler, memory",

@@ -64,3 +64,14 @@ def test_positions_are_written_as_a_person_would(layout: str) -> None:
     for name in ("x_m", "y_m", "z_m"):
         for value in places[name].tolist():
             assert value == float(f"{value:.6g}") and not (value == 0 and np.signbit(value))
+
+
+def test_every_other_row_is_read_from_its_other_end() -> None:
+    """One after the other along x; the places stay in the order in which they are listed."""
+    scene = Scene.from_dict({"detector": {"planes_m": [4.5, 6.5]}})
+    table = scan(scene, "grid", "rows", np.random.default_rng(0))
+    places = positions(scene, "grid")
+    assert (table.x_m == places["x_m"]).all() and (table.z_m == places["z_m"]).all()
+    x = table.x_m[np.argsort(table.time_s)].reshape(-1, 7)
+    assert (np.diff(x[::2], axis=1) > 0).all() and (np.diff(x[1::2], axis=1) < 0).all()
+    assert (np.diff(table.z_m[np.argsort(table.time_s)]) >= 0).all()

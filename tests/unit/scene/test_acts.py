@@ -14,9 +14,11 @@ import pytest
 from perturbed import FIELDS, changed, scenes_of_every_field
 
 from lightfield.fitting.diffuse_light import has_diffuse_light
+from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import lamps_of_window, receiver, source
 from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import Halves, Taken, readout, time_factor
+from lightfield.readings import Readings
 from lightfield.render.maps import transport_key
 from lightfield.render.response.beam_tallies import BEAM
 from lightfield.render.response.grid import detector_grid, scene_grid
@@ -111,6 +113,16 @@ def _places(scene: Scene) -> Any:
     return [np.concatenate([grid.z_m, grid.x_m, grid.y_m, middles_nm(scene).ravel()])]
 
 
+def _motion(scene: Scene) -> Any:
+    """Where it reads while it moves: by a lamp whose light tells the place, the same in every scene."""
+    row = np.linspace(-0.4, 0.4, 5)
+    table = Readings.from_arrays(
+        x_m=np.concatenate([row, row[::-1]]), z_m=np.full(10, 4.5), value=np.ones(10), time_s=np.arange(10.0)
+    )
+    lag = Scene().with_values({"detector.lag_m": scene.detector.lag_m})
+    return SceneForward(lag, table).predict({})
+
+
 OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.POWER: lambda s: [spectral_power(s.lamp, WAVELENGTHS), s.detector.spectral_response.at(WAVELENGTHS)],
     Acts.TIME: lambda s: time_factor(s, np.array([0.0, 300.0, 3000.0])),
@@ -129,6 +141,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.FLOOR: lambda s: s.tank.floor_share,
     Acts.WAVES: lambda s: s.tank.surface_slope_deg,
     Acts.RECEIVER: _receiver,
+    Acts.MOTION: _motion,
     Acts.PLACES: _places,
     Acts.READOUT: lambda s: readout(s, np.array([0.1, 0.5, 1.0]), 1.0, TAKEN),
 }

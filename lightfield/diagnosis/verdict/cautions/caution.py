@@ -31,7 +31,6 @@ class Warns(str, Enum):
     AMPLIFIES = "water that amplifies"
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
-    LAGS = "places lag behind the motion"
     COARSE_TABLE = "lamp's table in coarse steps"
     UNEVEN_LAMP = "uneven lamp"
     FINEST_CURVE = "lamp's curve as fine as curves go"
@@ -44,7 +43,7 @@ class Warns(str, Enum):
 #: What speaks of a mistake in the table or the scene, which effects then stand in for.
 MISTAKES = (
     Warns.SCATTER_FAR_MORE, Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN,
-    Warns.OF_BAND, Warns.EXCHANGED, Warns.LAGS, Warns.COARSE_TABLE,
+    Warns.OF_BAND, Warns.EXCHANGED, Warns.COARSE_TABLE,
 )  # fmt: skip
 #: The same of the table's own checks.
 _MISTAKES_OF_TABLES = (
@@ -108,9 +107,6 @@ _WORDS = {
     "if these readings are such, leave wavelength_nm out",
     Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "
     "reading {exchanged:.2g} instead of {as_given:.2g}): check the columns",
-    Warns.LAGS: "were these readings, which were taken to and fro, {lag_mm:.2g} mm off along the motion, "
-    "{about} would do as well (chi2 per reading {lagging:.2g}; {as_given:.2g} as told): check how far the "
-    "stage had moved on when a reading was taken, and its play; read in one direction, or at rest",
     Warns.COARSE_TABLE: "the lamp's table has steps of {step_deg:.2g} degrees, and smooth beams through them "
     "differ by up to {percent:.2g} % in the light of these readings: effects of lamp and receiver may "
     "stand in for that; measure it in finer steps",

@@ -28,7 +28,6 @@ NUMBERS = {
     Warns.GAIN: {"ratio": 1.57, "power_w": 30.0, "calibration_percent": 10.0},
     Warns.AMPLIFIES: {"least_per_m": -0.036},
     Warns.OF_BAND: {"ratio": 0.106},
-    Warns.LAGS: {"lag_mm": 5.2, "lagging": 1.1, "as_given": 57.0},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
     Warns.COARSE_TABLE: {"step_deg": 1.5, "percent": 2.3},
     Warns.NOT_CONVERGED: {"gain": 12.0, "sigma": 3.5},
