@@ -7,7 +7,6 @@ when the base model, every effect's template and every smooth unknown together c
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +15,7 @@ from scipy import special
 
 from lightfield.arrays import TINY, Array
 from lightfield.decompositions import eigen
+from lightfield.diagnosis.adequacy.likelihood import log_evidence, profile
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
 from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
@@ -54,13 +54,6 @@ SAME_RHO = 1e-3
 _FEWEST_PAIRS = 20
 #: Quantiles of a posterior in the middle of its fifths. Chosen.
 _FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
-#: ln(variance scale) over which it is integrated out, from a twentieth to eight thousand. Chosen.
-_LOG_SCALE = np.linspace(-3.0, 9.0, 121)
-#: Spread of ln(variance of the noise over the stated one) in the prior, and degrees of freedom of its Student
-#: distribution. Chosen: stated errors are good to a factor of 1.3 or so, but tails wide enough for one of 5.
-SCALE_SPREAD, _SCALE_DOF = 0.5, 4
-#: From so many rows on products of columns are quicker than reflections, and as good. Chosen: time alone.
-_MANY_ROWS = 3000
 #: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
 #: reading. Chosen: the latter is twice `quoted.ASSUMED_FLOOR`.
 _FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
@@ -212,46 +205,12 @@ def serial_correlation(
         lag = np.where(same, rho ** np.maximum(gap, 1.0), 0.0)[:, None]
         root = np.sqrt(1 - lag**2)
         white = np.vstack([rows[:1], (rows[1:] - lag * rows[:-1]) / root])
-        evidence.append(_log_evidence(white, stated) - float(np.log(root).sum()))
+        evidence.append(log_evidence(white, stated) - float(np.log(root).sum()))
     weight = np.exp(np.array(evidence) - max(evidence))
     share = np.cumsum(weight) / weight.sum()
     levels = tuple(max(float(RHO_GRID[int(np.searchsorted(share, p))]), 0.0) for p in _FIFTHS)
     rho = float(weight @ RHO_GRID / weight.sum())
     return Serial(rho if rho > SAME_RHO else 0.0, levels)
-
-
-def _log_evidence(white: Array, stated: float | None) -> float:
-    """Restricted likelihood of a residual beside columns, both whitened, the variance scale integrated out.
-
-    Parameters
-    ----------
-    white : array, shape (n, k + 1)
-        Columns and, last, residual.
-    """
-    prior = np.zeros_like(_LOG_SCALE)
-    if stated is not None:
-        # Student's t, up to a constant.
-        far = (_LOG_SCALE - np.log(stated)) / SCALE_SPREAD
-        prior = -0.5 * (_SCALE_DOF + 1) * np.log1p(far**2 / _SCALE_DOF)
-    nu, rest, volume = _beside(white)
-    log_likelihood = prior - 0.5 * (nu * _LOG_SCALE + rest * np.exp(-_LOG_SCALE))
-    return float(special.logsumexp(log_likelihood) - volume)
-
-
-def _beside(white: Array) -> tuple[int, float, float]:
-    """Spare readings and sum of squares of a residual (last column) beside columns; ln(volume) of these."""
-    r = _triangle(white)
-    nu = len(white) - white.shape[1] + 1
-    volume = float(np.log(np.abs(np.diag(r)[: white.shape[1] - 1])).sum())
-    return nu, float(r[-1, -1] ** 2) if nu > 0 else 0.0, volume
-
-
-def _triangle(columns: Array) -> Array:
-    """R of a QR decomposition; of many rows, where a basis is far from collinear, from their products."""
-    if len(columns) > _MANY_ROWS:
-        with suppress(np.linalg.LinAlgError):
-            return np.asarray(np.linalg.cholesky(columns.T @ columns).T)
-    return np.asarray(np.linalg.qr(columns, mode="r"))
 
 
 def scatter_law(
@@ -286,23 +245,16 @@ def scatter_law(
     rows = np.column_stack([rich, residual])[kept]
     if top <= NO_LIGHT * stated.max() or len(rows) - rich.shape[1] < _ENOUGH:
         return None
-    best, _ = _profile(rows)
+    best, _ = profile(rows)
     law = None
     for floor in _FLOORS:
         shape = np.hypot(floor * top, level)
-        evidence, variance = _profile(rows * (stated / shape)[:, None])
+        evidence, variance = profile(rows * (stated / shape)[:, None])
         evidence -= float(np.log(shape / stated).sum())
         limit = most * stated**2 + (_DARK * top) ** 2
         if evidence > best + (_OVERWHELMING if law is None else 0.0) and (variance * shape**2 < limit).all():
             best, law = evidence, np.sqrt(variance) * np.hypot(floor * top, np.clip(prediction, 0, None))
     return law
-
-
-def _profile(white: Array) -> tuple[float, float]:
-    """Restricted log likelihood of a residual (last column) beside the others at its best scale, and that."""
-    nu, rest, volume = _beside(white)
-    variance = max(rest / nu, TINY)
-    return -0.5 * nu * float(np.log(variance)) - volume, variance
 
 
 def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, most: float) -> Array:
@@ -327,7 +279,7 @@ def unstated_error(residual: Array, rich: Array, keep: Array, relative: Array, m
     evidence, shares = [], np.linspace(0.0, 1.0, _PROPORTIONS) * (most - 1) / float(bright.max())
     for share in shares:
         root = np.sqrt(1 + share * bright)[:, None]
-        evidence.append(_log_evidence(rows / root, 1.0) - float(np.log(root).sum()))
+        evidence.append(log_evidence(rows / root, 1.0) - float(np.log(root).sum()))
     best = int(np.argmax(evidence))
     # Without evidence the stated errors are taken as they are.
     share = shares[best] if evidence[best] - evidence[0] > _EVIDENT else 0.0

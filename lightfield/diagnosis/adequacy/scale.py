@@ -10,7 +10,7 @@ from scipy import optimize
 
 from lightfield.arrays import Array
 from lightfield.decompositions import eigen
-from lightfield.diagnosis.adequacy.robust import SCALE_SPREAD
+from lightfield.diagnosis.adequacy.likelihood import SCALE_SPREAD
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.whitening import Whitener
 

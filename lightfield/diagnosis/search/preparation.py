@@ -27,7 +27,9 @@ from lightfield.diagnosis.adequacy.robust import (
 )
 from lightfield.diagnosis.adequacy.scale import STATED_COUNT_AS, noise_scale, scale_along
 from lightfield.diagnosis.adequacy.score_tests import VARIANCE_EXCESS, Adequacy, AdequacyTest
+from lightfield.diagnosis.adequacy.shared import shared_part
 from lightfield.diagnosis.adequacy.templates import whitened_unknowns
+from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Budget, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.quoted import errors_stated, own_part
@@ -252,6 +254,7 @@ def _errors_about(
         whiten = Whitener(replace(whiten.noise, sigma=factor * total))
         reference = problem.fit(explanation, whiten, [reference.u])
     slope = budget.position_slope(problem.forward, reference.values)
+    layout = _with_common(kept, reference, whiten, budget.position_m * slope, stated)
     excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
     sigma = own_part(sigma, layout.common * np.clip(reference.prediction, 0, None))
     plain = Noise(layout, sigma, reference.prediction, budget, slope)
@@ -268,6 +271,19 @@ def _errors_about(
         serial = serial_correlation(rows[:, -1], rows[:, :-1], problem.keep, layout, expected)
     noise = with_response_error(problem, plain, lit)
     return Prepared(problem, noise, serial, reference, explanation, stated, excess)
+
+
+def _with_common(kept: Kept, reference: Fit, whiten: Whitener, by_place: Array, stated: bool) -> Layout:
+    """The layout with what the bands of a spectrum share beside the place: as stated, or as they scatter."""
+    problem, layout, whole = kept.problem, kept.problem.layout, whiten.noise.sigma
+    if layout.one_channel or layout.common.any():
+        return layout
+    rich = kept.rich * (kept.whiten.noise.sigma / whole)[:, None]
+    relative = np.clip(reference.prediction, 0, None) / whole
+    part = shared_part(
+        reference.residual, rich, problem.keep, layout.spectrum, relative, by_place / whole, stated
+    )
+    return replace(layout, common=np.full(layout.size, part))
 
 
 def _apart(noise: Noise, keep: Array, columns: Array) -> Array:

@@ -18,6 +18,7 @@ class Warns(str, Enum):
     SCATTER_MORE = "readings scatter more than stated"
     SCATTER_FAR_MORE = "readings scatter far more than stated"
     SCATTER_LESS = "readings scatter less than stated"
+    IN_COMMON = "bands are off together"
     STATED_ON_TRUST = "stated errors on trust"
     ASSUMED_ON_TRUST = "assumed errors on trust"
     MISFIT_IGNORED = "misfit within the tolerance"
@@ -72,6 +73,9 @@ _WORDS = {
     "standard errors, in the unit of the readings, and not relative ones?",
     Warns.SCATTER_LESS: "the readings scatter {times:.1f} times less than their errors say: are these "
     "standard errors, in the unit of the readings?",
+    Warns.IN_COMMON: "the bands of one spectrum are off together by {percent:.2g} % of the light, as their "
+    "scatter shows and the table does not say: a lamp that flickers, or places that are a little off; it is "
+    "taken for an error that they share (state common_percent, or position_mm)",
     Warns.STATED_ON_TRUST: _ON_TRUST.format("stated"),
     Warns.ASSUMED_ON_TRUST: _ON_TRUST.format("assumed"),
     Warns.UNEVEN_LAMP: "only the direction of the light tells of {about}: a lamp with another uneven beam "

@@ -43,6 +43,8 @@ def cautions(
         out.append(Caution(warns=warns, values={"times": float(np.sqrt(scale))}))
     elif stated and scale < _NOTED_SMALL and special.chdtr(nu, nu * scale) < _LITTLE_CHANCE:
         out.append(Caution(warns=Warns.SCATTER_LESS, values={"times": float(1 / np.sqrt(scale))}))
+    if (common := prepared.noise.layout.common.max()) > prepared.problem.layout.common.max():
+        out.append(Caution(warns=Warns.IN_COMMON, values={"percent": 100 * float(common)}))
     if finding.levels[0].adequacy.scale_taken:
         on_trust = Warns.STATED_ON_TRUST if prepared.errors_stated else Warns.ASSUMED_ON_TRUST
         out.append(Caution(warns=on_trust))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from toy_problem import layout
 
-from lightfield.diagnosis.adequacy.robust import SCALE_SPREAD
+from lightfield.diagnosis.adequacy.likelihood import SCALE_SPREAD
 from lightfield.diagnosis.adequacy.scale import (
     SMALLEST_SCALE,
     STATED_COUNT_AS,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -55,12 +56,16 @@ def test_many_channels_of_one_distance_are_not_those_of_the_next() -> None:
 
 def test_light_is_not_traced_in_too_many_cells() -> None:
     """Without scattering in the scene the effects that need a trace are named as not tested; a scene that
-    scatters cannot be done without, and is refused. Many readings in few planes take no more cells."""
+    scatters cannot be done without, and is refused. Many readings in few planes, and on a track, take no more
+    cells."""
 
     def never(*_: object, **__: object) -> None:
         raise AssertionError("traced")
 
-    readings, believed = many_lines(520, 520)
+    track, believed = many_lines(520, 520)
+    assert source_of(believed, never, track) == (never, None)
+    aside = np.random.default_rng(1).uniform(-8.0, 8.0, (2, 520))
+    readings = replace(track, x_m=aside[0], y_m=aside[1])
     source, reason = source_of(believed, never, readings)
     assert source is None and "of at most 3000" in str(reason)
     with pytest.raises(FitError, match="too many places"):

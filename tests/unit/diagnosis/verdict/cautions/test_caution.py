@@ -21,6 +21,7 @@ NUMBERS = {
     Warns.SCATTER_MORE: {"times": 1.73},
     Warns.SCATTER_FAR_MORE: {"times": 936.0},
     Warns.SCATTER_LESS: {"times": 4.26},
+    Warns.IN_COMMON: {"percent": 0.58},
     Warns.AT_BOUNDARY: {"fitted": 0.125},
     Warns.WIDTH: {"ratio": 2.1, "fitted": 8.0, "stated": 3.81},
     Warns.MORE_ABSORPTION: {"ratio": 2.3, "fitted": 0.23, "stated": 0.1},
@@ -118,7 +119,10 @@ def test_scattering_is_that_of_a_phase_function(
         levels=[],
     )  # fmt: skip
     finding.levels.append(finding.level)
-    prepared = SimpleNamespace(doubted=False, errors_stated=True, excess=1.0, problem=None)
+    of_layout = SimpleNamespace(layout=SimpleNamespace(common=np.zeros(1)))
+    prepared = SimpleNamespace(
+        doubted=False, errors_stated=True, excess=1.0, problem=of_layout, noise=of_layout
+    )
     monkeypatch.setattr(noise_and_fit, "is_of_the_search_alone", lambda problem, fit: False)
     told = SimpleNamespace(parameters={path: SimpleNamespace(reason=None) for path in fitted})
     found = noise_and_fit.cautions(SimpleNamespace(warnings=[]), prepared, finding, [told])
