@@ -91,7 +91,9 @@ def optical_depth(
     if is_layered(water):
         tau = tau + layers_depth(water, z_m, s, ray.height_m)
     if time_s is not None and ages(water):
-        tau = tau + growth_per_m(water, time_s) * s
+        stated = default_nm if wavelength_nm is None else np.asarray(wavelength_nm, dtype=float)
+        colour = np.where(np.isnan(stated), default_nm, stated)
+        tau = tau + growth_per_m(water, time_s, colour) * s
     if water.hardening_per_m:
         tau = tau - hardening_depth(water, s)
     return np.asarray(tau)

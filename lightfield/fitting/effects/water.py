@@ -36,6 +36,15 @@ EFFECTS = (
         needs=("water",),
     ),
     Effect(
+        "scattering_slope",
+        "diffuse light",
+        (Form("of wavelength", (Free("water.scattering_slope", -2.0, 4.0, 0.2),)),),
+        "The particles scatter one colour more than another: small ones blue, by 1 / wavelength in open sea.",
+        "A halo that is another part of the light in each band, beside scattering alone.",
+        "Measure the scattering at two wavelengths, or filter in two steps: what is small passes the first.",
+        needs=("water", "spectral"),
+    ),
+    Effect(
         "water_gradient",
         "path and attenuation",
         (

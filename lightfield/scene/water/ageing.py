@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import switched_off
+from lightfield.scene.water.constituents import REFERENCE_NM, scattering_shape
 from lightfield.scene.water.water import Water
 
 _SECONDS = 3600.0
@@ -18,7 +19,7 @@ def ages(water: Water) -> bool:
     return not switched_off(water, Acts.AGEING)
 
 
-def growth_per_m(water: Water, time_s: ArrayLike) -> Array:
+def growth_per_m(water: Water, time_s: ArrayLike, wavelength_nm: ArrayLike = REFERENCE_NM) -> Array:
     """Attenuation coefficient over that at time 0, 1/m: d t - b_s (1 - exp(-t / tau)).
 
     Parameters
@@ -27,9 +28,13 @@ def growth_per_m(water: Water, time_s: ArrayLike) -> Array:
         drift_per_m_per_hour (d), settling_per_m (b_s), settling_time_s (tau).
     time_s : array, s
         NaN (unknown) counts as 0.
+    wavelength_nm : array, nm, optional
+        Of each, where what settles has a colour.
     """
     t = np.nan_to_num(np.asarray(time_s, dtype=float))
     settled = -np.expm1(-t / water.settling_time_s)
+    if water.scattering_slope:
+        settled = settled * scattering_shape(water.scattering_slope, wavelength_nm)
     return np.asarray(water.drift_per_m_per_hour * t / _SECONDS - water.settling_per_m * settled)
 
 

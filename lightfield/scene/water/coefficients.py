@@ -17,6 +17,7 @@ from lightfield.scene.water.constituents import (
     cdom_absorption_per_m,
     chlorophyll_absorption_per_m,
     chlorophyll_scattering_per_m,
+    scattering_shape,
     sediment_absorption_per_m,
     sediment_scattering_per_m,
 )
@@ -100,7 +101,8 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     w = np.asarray(wavelength_nm, dtype=float)
     if is_grey(water):
         return np.full(w.shape, water.scattering_per_m + water.settling_per_m)
-    b = _base(water, w)[1] + water.scattering_per_m + water.settling_per_m
+    grey = water.scattering_per_m + water.settling_per_m
+    b = _base(water, w)[1] + grey * scattering_shape(water.scattering_slope, w)
     if water.chlorophyll_mg_per_m3:
         b = b + chlorophyll_scattering_per_m(water.chlorophyll_mg_per_m3, w)
     if water.sediment_g_per_m3:

@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 
+#: Wavelength at which coefficients of particles are stated, nm.
+REFERENCE_NM = 550.0
 # Own fit to the coefficients A and E of Bricaud et al. (1998), J. Geophys. Res. 103, 31033, a = A Chl^E,
 # 400-700 nm: A as a sum of Gaussians (centre nm, width nm, height m^2/mg), rms 0.2 % of its maximum; E as a
 # Chebyshev series in (wavelength - 550) / 150, rms 0.006.
@@ -65,6 +67,20 @@ def chlorophyll_scattering_per_m(chlorophyll_mg_per_m3: float, wavelength_nm: Ar
         else 0.0
     )
     return np.asarray(0.416 * chlorophyll_mg_per_m3**0.766 * (w / 550.0) ** slope)
+
+
+def scattering_shape(slope: float, wavelength_nm: ArrayLike) -> Array:
+    """Scattering of particles over that at 550 nm: (550 nm / lambda)^eta.
+
+    eta is 0 of particles large beside the wavelength, 1 in the open sea, and above 2 of minute ones (Gordon
+    and Morel 1983, doi:10.1007/978-1-4684-6280-7).
+
+    Parameters
+    ----------
+    slope : float
+    wavelength_nm : array, nm
+    """
+    return np.asarray((REFERENCE_NM / np.asarray(wavelength_nm, dtype=float)) ** slope)
 
 
 def cdom_absorption_per_m(

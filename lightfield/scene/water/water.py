@@ -35,6 +35,10 @@ class Water(Part):
     scattering_per_m: float = number(
         0.0, "1/m", "grey scattering, added to the base", Acts.SCATTERING, low=0.0, high=100.0, neutral=0.0
     )
+    scattering_slope: float = number(
+        0.0, "1", "eta of that scattering, and of particles that settle: times (550 nm / wavelength)^eta",
+        Acts.SCATTERING | Acts.COLOUR, low=-4.0, high=4.0, neutral=0.0, later=True,
+    )  # fmt: skip
     table: TablePath | None = declare(
         None,
         'for base "table": CSV (wavelength_nm, absorption_per_m, scattering_per_m)',

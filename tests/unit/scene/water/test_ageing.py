@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.scene.water.ageing import growth_per_m, moments
+from lightfield.scene.water.ageing import at_time, growth_per_m, moments
+from lightfield.scene.water.coefficients import scattering_per_m
 from lightfield.scene.water.water import Water
 
 PATH_M = np.full(40, 6.0)
@@ -27,3 +28,14 @@ def test_each_time_has_its_own_attenuation_along_the_straight_line(begin_s: floa
 def test_readings_of_one_moment_need_one() -> None:
     at, shares = moments(Water(settling_per_m=0.3), np.full(5, 120.0), PATH_M[:5], 4)
     assert at.tolist() == [120.0] and (shares == 1).all()
+
+
+def test_what_settles_takes_its_colour_with_it() -> None:
+    """Attenuation of the water of a moment is that at time 0 and its growth, at every wavelength."""
+    water, nm = (
+        Water(scattering_per_m=0.1, settling_per_m=0.3, scattering_slope=1.5),
+        np.array([450.0, 650.0]),
+    )
+    then = scattering_per_m(at_time(water, 1800.0), nm)
+    assert then == pytest.approx(scattering_per_m(water, nm) + growth_per_m(water, 1800.0, nm))
+    assert then[0] / then[1] == pytest.approx((650 / 450) ** 1.5)
