@@ -16,7 +16,7 @@ from itertools import combinations
 
 import numpy as np
 from scipy import stats
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import brentq, least_squares, minimize_scalar
 
 from lightfield.arrays import Array
 from lightfield.scene.water.water import Water
@@ -36,6 +36,9 @@ EXTRA = {GREY: ("1/m", "grey scattering", 0.02, 0.05, 2.0)}
 #: Rise of chi-square at the ends of intervals of 68 % and 95 % (one parameter; Wilks 1938,
 #: doi:10.1214/aoms/1177732360).
 RISE_68, RISE_95 = 1.0, 3.841
+#: Slopes of CDOM that are tried, and how finely, 1/nm: from humic acids to the clearest ocean (0.008 to 0.03:
+#: Twardowski et al. 2004, doi:10.1016/j.marchem.2004.02.008).
+_SLOPE, SLOPES_PER_NM, _SLOPE_TO = "cdom_slope_per_nm", (0.008, 0.03), 1e-5
 #: Constituents need so many wavelengths: one more than there are of them.
 FEWEST_COLOURS = len(CONSTITUENTS) + 1
 #: First step of the search for an end of an interval, in standard errors; and its growth.
@@ -130,6 +133,29 @@ class Constituents:
 
 
 @dataclass(frozen=True)
+class OtherSlope:
+    """Where a model fits best whose CDOM may fall otherwise over the wavelength than the scene's.
+
+    Parameters
+    ----------
+    held_per_nm, slope_per_nm : float, 1/nm
+        As stated, and where chi-square is least.
+    chi2 : float
+        There.
+    """
+
+    held_per_nm: float
+    slope_per_nm: float
+    chi2: float
+    dof: int
+
+    @property
+    def fits(self) -> bool:
+        """Would the readings not exclude it?"""
+        return misfit_p(self.chi2, self.dof) > POOR_FIT
+
+
+@dataclass(frozen=True)
 class _Fit:
     """Amounts at the least chi-square, some of them perhaps held."""
 
@@ -177,11 +203,34 @@ def best_amounts(stack: Stack, base: Water, *, scattered: bool = True) -> dict[s
     return dict(zip(CONSTITUENTS, best.u.tolist(), strict=True))
 
 
+def other_slope(
+    stack: Stack, base: Water, found: Constituents, *, scattered: bool = True
+) -> OtherSlope | None:
+    """The slope of CDOM that the readings call for beside all amounts; None where chi-square hardly falls.
+
+    Parameters
+    ----------
+    found : Constituents
+        Of the same stack with the slope of `base`.
+    """
+    start, scale, most = _limits(CONSTITUENTS)
+    start = np.array([found.amounts[name].value for name in CONSTITUENTS])
+
+    def chi2(slope: float) -> float:
+        there = base.model_copy(update={_SLOPE: slope})
+        return _fit(_left(stack, there, list(CONSTITUENTS), scattered)[1], start, scale, most).chi2
+
+    best = minimize_scalar(chi2, bounds=SLOPES_PER_NM, method="bounded", options={"xatol": _SLOPE_TO})
+    if found.chi2 - best.fun < RISE_95:
+        return None
+    return OtherSlope(base.cdom_slope_per_nm, float(best.x), float(best.fun), found.dof - 1)
+
+
 def pure(water: Water) -> Water:
     """The water without what is looked for: its base, or pure water where it says none."""
     bare = Water(temperature_c=water.temperature_c, salinity_psu=water.salinity_psu, phase=water.phase)
     known = {"base": "pure" if water.base == "none" else water.base, "table": water.table}
-    return bare.model_copy(update={**known, "cdom_slope_per_nm": water.cdom_slope_per_nm})
+    return bare.model_copy(update={**known, _SLOPE: water.cdom_slope_per_nm})
 
 
 def _left(

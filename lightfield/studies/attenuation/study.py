@@ -16,8 +16,10 @@ from lightfield.studies.attenuation.apparent import SIGMAS, Apparent, apparent_a
 from lightfield.studies.attenuation.constituents import (
     FEWEST_COLOURS,
     Constituents,
+    OtherSlope,
     best_amounts,
     fit_constituents,
+    other_slope,
     pure,
 )
 from lightfield.studies.attenuation.excess import no_excess
@@ -44,12 +46,15 @@ class Content:
         As if every scattered photon were lost.
     other_phases : dict
         Amounts, by field of the water, for Henyey-Greenstein phase functions of other g.
+    other_slope : OtherSlope, optional
+        Of CDOM, where the first model is rejected with the scene's and fits better with another.
     """
 
     traced: Constituents | None
     loose: Constituents | None
     beer_lambert: Constituents
     other_phases: dict[float, dict[str, float]]
+    other_slope: OtherSlope | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,12 +171,15 @@ def _content(apparent: Sequence[Apparent], stack: Stack | None, others: dict[flo
     )
     formula = fit_constituents(plain, base, scattered=False)
     if stack is None:
-        return Content(None, None, formula, {})
+        slope = other_slope(plain, base, formula, scattered=False) if formula.rejected else None
+        return Content(None, None, formula, {}, slope)
+    traced = fit_constituents(stack, base)
     return Content(
-        fit_constituents(stack, base),
+        traced,
         fit_constituents(stack, base, grey=True),
         formula,
         {g: best_amounts(other, base) for g, other in others.items()},
+        other_slope(stack, base, traced) if traced.rejected else None,
     )
 
 

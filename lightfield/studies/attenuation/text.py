@@ -232,7 +232,8 @@ def content_sentences(found: Content) -> list[str]:
     if traced is None:
         rejected = " It does not fit the readings: its amounts are not to be trusted." * wrong.rejected
         return [
-            f"Without a trace only Beer-Lambert is left: it takes every scattered photon for lost.{rejected}"
+            f"Without a trace only Beer-Lambert is left: it takes every scattered photon for lost.{rejected}",
+            *_slope_sentences(found),
         ]
     lines = []
     if traced.rejected:
@@ -242,6 +243,7 @@ def content_sentences(found: Content) -> list[str]:
             f"are not to be trusted, though the errors behind their intervals are multiplied by "
             f"{traced.errors_times:.2g}."
         )
+    lines += _slope_sentences(found)
     lines += _not_told_apart(found)
     off = {k: v for k, v in beer_lambert_is_off(found).items() if abs(v[1]) > NOTEWORTHY_SIGMA}
     if off:
@@ -260,6 +262,19 @@ def content_sentences(found: Content) -> list[str]:
         )
         lines.append(f"With a phase function of g = {g:g} it would be {values}.")
     return lines
+
+
+def _slope_sentences(found: Content) -> list[str]:
+    """What another slope of CDOM would make of a model that does not fit."""
+    other = found.other_slope
+    if other is None:
+        return []
+    would = "it would fit" if other.fits else "it would fit better, not well"
+    return [
+        f"CDOM is taken to fall by {other.held_per_nm:g} per nm, as the scene says "
+        f"(water.cdom_slope_per_nm); by {other.slope_per_nm:.4f} per nm {would} (chi-square "
+        f"{other.chi2:.0f} of {other.dof}): measure it in filtered water, or state that."
+    ]
 
 
 def _not_told_apart(found: Content) -> list[str]:
@@ -372,4 +387,5 @@ def _content_data(found: Content) -> dict[str, Any]:
             if model is not None
         },
         "other_g": {f"{g:g}": amounts for g, amounts in found.other_phases.items()},
+        "other_slope": None if found.other_slope is None else asdict(found.other_slope),
     }

@@ -17,6 +17,7 @@ from lightfield.studies.attenuation.constituents import (
     Amount,
     Constituents,
     fit_constituents,
+    other_slope,
 )
 from lightfield.studies.attenuation.excess import NODES_A, NODES_B, Excess
 from lightfield.studies.attenuation.ratios import ratios_of
@@ -114,3 +115,24 @@ def test_what_is_found_either_way_measures_beer_lambert() -> None:
     words = as_text(Attenuation((), None, content, ()))
     assert "Beer-Lambert finds sediment 70 % low" in words and "none found: < 0.12" in words
     assert "cannot tell" not in words and "hold only" not in words
+
+
+@pytest.mark.usefixtures("only_cdom_is_found")
+def test_cdom_of_another_slope_than_the_scenes_is_told() -> None:
+    """Of 0.018 per nm beside 0.014, which does not fit: as readings say, and what chi-square would be."""
+    steep = stack_of(**{CDOM: 0.3, "cdom_slope_per_nm": 0.018})
+    traced = fit_constituents(steep, PURE)
+    assert traced.rejected
+    other = other_slope(steep, PURE, traced)
+    assert other is not None and other.fits and other.held_per_nm == 0.014
+    assert other.slope_per_nm == pytest.approx(0.018, abs=1e-4)
+    content = Content(traced, traced, traced, {}, other)
+    told = as_text(Attenuation((), None, content, ()))
+    assert "by 0.0180 per nm it would fit" in told and "water.cdom_slope_per_nm" in told
+    assert as_data(Attenuation((), None, content, ()))["constituents"]["other_slope"]["held_per_nm"] == 0.014
+
+
+@pytest.mark.usefixtures("only_cdom_is_found")
+def test_a_slope_that_fits_leaves_nothing_to_be_told() -> None:
+    right = stack_of(**{CDOM: 0.3})
+    assert other_slope(right, PURE, fit_constituents(right, PURE)) is None
