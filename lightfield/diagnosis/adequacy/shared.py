@@ -11,7 +11,8 @@ from lightfield.diagnosis.problem.quoted import OWN_PART
 
 #: Shares that are tried, from none to so many times the whole error of the brightest reading. Chosen.
 _SHARES, _MOST = 16, 1.5
-#: By how much the log evidence must grow. Chosen: two standard deviations.
+#: By how much the log evidence must grow. Chosen: two standard deviations. Of 40 tables of five bands, with a
+#: flicker of 0.6 % in errors of 0.7 %, it was told in 35, and without one in none (at 1 in 35 and 4).
 _EVIDENT = 2.0
 
 
@@ -59,6 +60,8 @@ def shared_part(
     best = int(evidence.argmax())
     if evidence[best] - evidence[0] <= _EVIDENT:
         return 0.0
+    if stated:
+        return float(shares[best])
     variance = profile(_apart(rows, of, shares[best] * bright, known)[0])[1]
     return float(shares[best] * np.sqrt(min(variance, 1.0)))
 
