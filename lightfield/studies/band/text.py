@@ -44,9 +44,9 @@ def headline(found: Bands) -> str:
     signal = next(b for b in far if b.criterion == "signal")
     wide = "" if found.width_nm == PAPER_BAND[1] - PAPER_BAND[0] else " (50 nm wide)"
     return (
-        f"In the scene's water 500 to 550 nm{wide} has {100 * signal.paper_share:.0f} % of the best signal "
-        f"of any band {found.width_nm:g} nm wide from {low:g} to {high:g} nm at {signal.z_m:g} m; the best "
-        f"is {signal.low_nm:g} to {signal.high_nm:g} nm."
+        f"In the scene's water {signal.low_nm:g} to {signal.high_nm:g} nm has the most signal of any band "
+        f"{found.width_nm:g} nm wide from {low:g} to {high:g} nm at {signal.z_m:g} m; 500 to 550 nm{wide}, "
+        f"as in the tow tank experiment, has {100 * signal.paper_share:.0f} % of it."
     )
 
 

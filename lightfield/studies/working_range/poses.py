@@ -23,8 +23,21 @@ from lightfield.studies.working_range.smooth_light import smooth_light
 #: University of New Hampshire, scholars.unh.edu/dissertation/2193).
 ARRAY = DetectorArray(count=(ARRAY_COUNT, ARRAY_COUNT), size_m=ARRAY_SIDE_M, radius_m=0.32)
 
+#: It reaches no farther than this part of the way from the axis to the nearest wall. Chosen: so that it fits.
+_OF_ROOM = 0.5
 #: Water between an array and a wall, m: enough for the finest cells of its light.
 _BESIDE_M = 0.1
+
+
+def array_of(scene: Scene) -> DetectorArray:
+    """The scene's array; of one that has none `ARRAY`, made smaller where it would not fit into the tank."""
+    if scene.array is not None or scene.tank is None:
+        return scene.array or ARRAY
+    part = _OF_ROOM * min(scene.tank.room_m) / elements_of(ARRAY).reach_m
+    if part >= 1:
+        return ARRAY
+    smaller = {"size_m": round(part * ARRAY.size_m, 3), "radius_m": round(part * ARRAY.radius_m, 3)}
+    return ARRAY.model_copy(update=smaller)
 
 
 def with_array(
@@ -45,7 +58,7 @@ def with_array(
     changed = {path: value for path, value in asked.items() if value is not None}
     if not changed:
         return scene
-    return scene.model_copy(update={"array": scene.array or ARRAY}).with_values(changed)
+    return scene.model_copy(update={"array": array_of(scene)}).with_values(changed)
 
 
 def sides_met_m(scene: Scene) -> float:
@@ -55,7 +68,7 @@ def sides_met_m(scene: Scene) -> float:
     """
     if scene.tank is None or not is_tilted(scene.lamp):
         return float("inf")
-    reach = elements_of(scene.array or ARRAY).reach_m
+    reach = elements_of(array_of(scene)).reach_m
     begin, end = np.abs(np.array(axis_at(lit(scene).lamp, np.array([0.0, 1.0])))).max(axis=0)
     free = min(scene.tank.room_m) - reach - _BESIDE_M - begin
     return float(free / (end - begin) - reach) if end > begin else float("inf")
@@ -85,7 +98,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
     Parameters
     ----------
     scene : Scene
-        Its [array] and [follower], or `ARRAY` and the defaults.
+        Its [array] and [follower], or `array_of` it and the defaults.
     z_m : array, shape (n,), m
     photons : float
         Zero: the formula alone.
@@ -95,7 +108,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
     list of Known
         With scattered light, and by the formula.
     """
-    array = scene.array or ARRAY
+    array = array_of(scene)
     told = {"array": array, "follower": follower_in(scene.follower, scene.tank)}
     whole = lit(scene.model_copy(update=told))
     elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]

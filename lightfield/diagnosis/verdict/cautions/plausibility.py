@@ -16,6 +16,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.ladder import bright
+from lightfield.fitting.curves import field_of
 from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.gains import LAMP_POWER
@@ -24,6 +25,8 @@ from lightfield.fitting.parameter import GAIN
 from lightfield.formula import closed_form as analytic
 from lightfield.readings.unchecked import bands_of
 from lightfield.scene import Scene
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import acts_on
 from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.lamp.profile import table_of
@@ -35,6 +38,8 @@ from lightfield.scene.water.coefficients import absorption_per_m
 #: those of the absorption by up to 35 %, where the model was right (52 rendered sets); mistakes are larger:
 #: radius for diameter or half for full width 2, decadic for natural logarithms 2.3, feet for metres 3.3.
 WIDTH_FACTOR, ABSORPTION_FACTOR = 1.5, 2.0
+#: Absorption, and that of one wavelength.
+_ABSORPTION, _AT_A_WAVELENGTH = "water.absorption", "water.absorption_at."
 #: An absorption that takes less of the light than this optical depth is not spoken of. Chosen: a tenth.
 FELT = 0.1
 #: Of its own errors an absorption lies so many from the scene's. Chosen: two are chance.
@@ -113,19 +118,28 @@ def _absorption(forward: SceneForward, problem: Problem, fit: Fit) -> Caution | 
     layout, wet, values = problem.layout, ~problem.layout.air, fit.values
     if not wet.any() or not any(path.startswith("water.absorption") for path in values):
         return None
+    # What is found to be in the water, and has a colour, is no other coefficient.
+    told = {p: v for p, v in values.items() if p.startswith(_ABSORPTION) or not _has_colour(p)}
     band = np.mean(forward.scene.detector.bands_nm[0])
     at = np.where(np.isnan(layout.wavelength_nm), band, layout.wavelength_nm)[wet]
-    guess = float(np.mean(absorption_per_m(forward.scene.water, at)))
-    fitted = float(np.mean(absorption_per_m(forward.scenes.at(values, validate=False).water, at)))
+    stated = absorption_per_m(forward.scene.water, at)
+    if np.ptp(stated) == 0 and any(path.startswith(_AT_A_WAVELENGTH) for path in values):
+        return None  # one number for all colours is no statement about each
+    guess = float(np.mean(stated))
+    fitted = float(np.mean(absorption_per_m(forward.scenes.at(told, validate=False).water, at)))
     felt = abs(fitted - guess) * float(np.ptp(layout.z_m[wet]))
     if guess <= 0 or felt < FELT or 1 / ABSORPTION_FACTOR < fitted / guess < ABSORPTION_FACTOR:
         return None
     error = fit.stderr().get("water.absorption_per_m", np.nan)
     if abs(fitted - guess) < SURE * error:
         return None
-    told = {"ratio": fitted / guess, "fitted": fitted, "stated": guess}
+    said = {"ratio": fitted / guess, "fitted": fitted, "stated": guess}
     warns = Warns.LESS_ABSORPTION if fitted < guess else Warns.MORE_ABSORPTION
-    return Caution(warns=warns, about="water.absorption_per_m", values=told)
+    return Caution(warns=warns, about="water.absorption_per_m", values=said)
+
+
+def _has_colour(path: str) -> bool:
+    return bool(acts_on(field_of(path)) & Acts.COLOUR)
 
 
 def _amplifying(fit: Fit) -> Caution | None:

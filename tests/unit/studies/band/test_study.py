@@ -207,7 +207,7 @@ def test_what_was_not_traced_has_no_error_of_a_trace() -> None:
 def test_words_data_and_page() -> None:
     found = best_band(scene(), False)
     assert len(json.loads(json.dumps(as_data(found)))["best"]) == 6
-    assert "of the best signal" in as_text(found) and band_page(found).count("<svg") == 2 * 1
+    assert "as in the tow tank experiment, has" in as_text(found) and band_page(found).count("<svg") == 2 * 1
 
 
 def test_grey_water_has_no_best_band() -> None:

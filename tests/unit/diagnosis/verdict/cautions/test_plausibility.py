@@ -6,11 +6,13 @@ import re
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from analytic_readings import readings, scene
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.terminal import as_text
+from lightfield.formula.closed_form import direct_field
 from lightfield.readings.readings import Readings
 from lightfield.scene import Scene
 from lightfield.studies.compare.readings import fit_readings
@@ -64,3 +66,37 @@ def test_x_and_y_exchanged_show_where_the_lamp_tells_them_apart() -> None:
     assert warnings(table, scene(**own)) == []
     (told, *_) = warnings(replace(table, x_m=table.y_m, y_m=table.x_m), scene(**own))
     assert "with x_m and y_m exchanged" in told
+
+
+def in_colours(truth: dict[str, Any], base: str) -> tuple[Readings, Scene]:
+    """Readings in five bands along the axis and beside it, of a scene that states 0.05 per m and a base."""
+    nm, x, z = (
+        v.ravel()
+        for v in np.meshgrid(
+            [460.0, 500.0, 540.0, 580.0, 620.0], [0.0, 0.2, 0.4], [2.0, 3.0, 4.0, 5.0, 6.0], indexing="ij"
+        )
+    )
+    bands = [[w - 10, w + 10] for w in np.unique(nm)]
+    believed = Scene.from_dict(
+        {
+            "lamp": {"hwhm_deg": 4.0},
+            "water": {"base": base, "absorption_per_m": 0.05},
+            "detector": {"planes_m": [2.0, 6.0], "bands_nm": bands},
+        }
+    )
+    light = direct_field(believed.with_values(truth), x, 0 * x, z, nm)
+    error = np.hypot(0.005 * light, 2e-4 * light.max())
+    noise = error * np.random.default_rng(1).standard_normal(len(z))
+    table = Readings.from_arrays(
+        x_m=x, z_m=z, wavelength_nm=nm, value=light + noise, stderr=error, quantity="irradiance"
+    )
+    return table.check_against(believed), believed
+
+
+@pytest.mark.parametrize(
+    ("truth", "base"),
+    [({"water.absorption_at": [[460, 0.1], [620, 0.4]]}, "none"), ({"water.cdom_440_per_m": 0.4}, "pure")],
+)
+def test_a_colour_that_one_number_does_not_state_is_no_mistake(truth: dict[str, Any], base: str) -> None:
+    """Another absorption in each band beside a scene's one number, and CDOM that the verdict names."""
+    assert warnings(*in_colours(truth, base)) == []
