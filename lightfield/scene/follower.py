@@ -99,6 +99,10 @@ class DetectorArray(Part):
         return self
 
 
+#: Nearest to the lamp that a distance is kept, m.
+LEAST_STANDOFF_M = 1.0
+
+
 class Mission(Part):
     """A run: what the follower should do and believes, and how leader, water and lamp change."""
 
@@ -116,7 +120,9 @@ class Mission(Part):
     )
     degrees_of_freedom: Literal[4, 6] = declare(6, "4: roll and pitch are held at zero", NOTHING)
     duration_s: float = number(120.0, "s", "of a run", NOTHING, above=0.0, high=3600.0)
-    standoff_m: float = number(6.5, "m", "distance to keep, along the beam", NOTHING, low=1.0, high=1e3)
+    standoff_m: float = number(
+        6.5, "m", "distance to keep, along the beam", NOTHING, low=LEAST_STANDOFF_M, high=1e3
+    )
     dock_m: float = number(
         1.5, "m", "distance of the dock from the lamp, along the beam", NOTHING, low=0.5, high=1e3
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.errors import RuleError
 from lightfield.scene.detector import Detector
-from lightfield.scene.follower import Follower
+from lightfield.scene.follower import LEAST_STANDOFF_M, Follower
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.parameters import told
 from lightfield.scene.tank import Tank
@@ -18,7 +18,7 @@ from lightfield.scene.water.water import Water
 
 WIDTH_M = 2.0  # of a plane, where nothing is said and the tank has room
 ROUNDING_M = 1e-9
-_SLAB = "layer_centre_m"
+_SLAB, _DISTANCE, _STANDOFF = "layer_centre_m", "z_m", "standoff_m"
 #: What the ends of the tank in x, y and z follow from.
 SIZES = (("width_m",), ("depth_m", "lamp_depth_m"), ("length_m", "behind_lamp_m"))
 
@@ -150,15 +150,24 @@ def check_lamp_inside(lamp: Lamp, tank: Tank) -> None:
             raise _outside(f"{low:g} <= {name} <= {high:g}", axis, tank, found, remedy)
 
 
-def follower_in(follower: Follower | None, tank: Tank | None) -> Follower:
-    """The follower of a scene; where it states none, on the axis at the default distance, or in the middle of
-    the water before the lamp where the tank ends sooner."""
-    if follower is not None:
-        return follower
-    found = Follower()
-    if tank is not None and found.z_m > tank.box_m[2][1]:
-        return found.model_copy(update={"z_m": 0.5 * tank.box_m[2][1]})
-    return found
+def follower_in(follower: Follower | None, tank: Tank | None, detector: Detector) -> Follower:
+    """The follower of a scene, its distances where it says nothing of them as far as the scene reaches.
+
+    It is at the default distance, or in the middle of the planes where they end sooner, or of the water
+    before the lamp where the tank does; and so far away it is asked to stay, if not at the default distance.
+    """
+    found, first, last = follower or Follower(), detector.distances_m[0], detector.distances_m[-1]
+    if _DISTANCE not in found.model_fields_set:
+        if tank is not None and found.z_m > tank.box_m[2][1]:
+            found = found.model_copy(update={_DISTANCE: 0.5 * tank.box_m[2][1]})
+        elif found.z_m > last:
+            found = found.model_copy(update={_DISTANCE: 0.5 * (first + last)})
+    mission = found.mission
+    docks = mission.task == "dock" and found.z_m <= mission.dock_m
+    if _STANDOFF in mission.model_fields_set or mission.standoff_m <= last or docks:
+        return found
+    staying = mission.model_copy(update={_STANDOFF: max(found.z_m, LEAST_STANDOFF_M)})
+    return found.model_copy(update={"mission": staying})
 
 
 def water_in(water: Water, tank: Tank | None) -> Water:

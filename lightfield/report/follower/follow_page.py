@@ -101,7 +101,7 @@ def _run_by(one: Followed) -> str:
 def follow_sweep_page(data: xr.Dataset) -> str:
     """The page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
     scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
-    mission = follower_in(scene.follower, scene.tank).mission
+    mission = follower_in(scene.follower, scene.tank, scene.detector).mission
     runs = int(data.attrs["runs"])
     metric = "docked" if mission.task == "dock" else "standoff"
     unit, meaning = METRICS[metric]

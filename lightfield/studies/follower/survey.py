@@ -159,7 +159,7 @@ def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: 
     """
     elements = elements_of(array_of(scene))
     refuse_walls(scene, space, elements)
-    names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank))
+    names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank, scene.detector))
     light = light_of(scene, space.with_pose(pose), elements, photons=photons, seed=seed)
     model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)
     parts = model.leave_one_out()

@@ -99,7 +99,7 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     runs : int
         Side by side.
     """
-    array, follower = scene.array, follower_in(scene.follower, scene.tank)
+    array, follower = scene.array, follower_in(scene.follower, scene.tank, scene.detector)
     assert array is not None
     mission, rng, noise = follower.mission, np.random.default_rng(seed), SensorNoise.of_scene(scene)
     truth = Truth.of(scene, light, elements, runs, rng)

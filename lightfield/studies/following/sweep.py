@@ -102,7 +102,7 @@ def run_follow_sweep(
             case = plan.cases.build(number)
             densest = max(densest, densest_per_m(case))
             contents.add(elements_of(array_of(case)).as_csv())
-            mission = follower_in(case.follower, case.tank).mission
+            mission = follower_in(case.follower, case.tank, case.detector).mission
             if mission.leader == "table":
                 contents.add(inputs.content_digest(str(mission.leader_table), inputs.TABLE))
         except LightfieldError:

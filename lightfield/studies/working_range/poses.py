@@ -109,7 +109,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
         With scattered light, and by the formula.
     """
     array = array_of(scene)
-    told = {"array": array, "follower": follower_in(scene.follower, scene.tank)}
+    told = {"array": array, "follower": follower_in(scene.follower, scene.tank, scene.detector)}
     whole = lit(scene.model_copy(update=told))
     elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]
     nuisances = nuisances_of(whole)

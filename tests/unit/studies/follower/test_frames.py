@@ -7,7 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lightfield.formula.closed_form import direct_field
-from lightfield.scene import Follower, Scene, Tank
+from lightfield.scene import Detector, Follower, Scene, Tank
+from lightfield.scene.follower import Mission
 from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import (
@@ -82,10 +83,23 @@ def test_quaternions_of_half_turns() -> None:
 
 
 def test_a_scene_without_a_follower_has_one_on_the_axis() -> None:
-    np.testing.assert_allclose(pose_of(follower_in(None, None)), [0, 0, 6.5, 0, 0, 0])
+    np.testing.assert_allclose(pose_of(follower_in(None, None, Detector())), [0, 0, 6.5, 0, 0, 0])
     short = Tank(length_m=5.0, behind_lamp_m=1.0)
-    np.testing.assert_allclose(pose_of(follower_in(None, short)), [0, 0, 2.0, 0, 0, 0])
+    np.testing.assert_allclose(pose_of(follower_in(None, short, Detector())), [0, 0, 2.0, 0, 0, 0])
     np.testing.assert_allclose(pose_of(Follower(yaw_deg=90.0))[3], np.pi / 2)
+
+
+def test_distances_that_nobody_stated_are_those_of_the_scene() -> None:
+    """A lamp of which planes of 0.5 to 2 m are known: "asked for 6.5 m" was said there."""
+    near = Detector(planes_m=(0.5, 1.0, 2.0))
+    usual = follower_in(None, None, Detector())
+    assert (usual.z_m, usual.mission.standoff_m) == (6.5, 6.5)
+    unsaid = follower_in(None, None, near)
+    assert (unsaid.z_m, unsaid.mission.standoff_m) == (1.25, 1.25)
+    beside = follower_in(Follower(z_m=1.6), None, near)
+    assert (beside.z_m, beside.mission.standoff_m) == (1.6, 1.6)
+    stated = follower_in(Follower(z_m=1.6, mission=Mission(standoff_m=6.0)), None, near)
+    assert stated.mission.standoff_m == 6.0
 
 
 def test_the_lamp_seen_is_the_inverse_of_the_pose() -> None:
