@@ -29,7 +29,7 @@ _OF_ROOM = 0.5
 _BESIDE_M = 0.1
 
 
-def array_of(scene: Scene) -> DetectorArray:
+def array_for(scene: Scene) -> DetectorArray:
     """The scene's array; of one that has none `ARRAY`, made smaller where it would not fit into the tank."""
     if scene.array is not None or scene.tank is None:
         return scene.array or ARRAY
@@ -58,7 +58,7 @@ def with_array(
     changed = {path: value for path, value in asked.items() if value is not None}
     if not changed:
         return scene
-    return scene.model_copy(update={"array": array_of(scene)}).with_values(changed)
+    return scene.model_copy(update={"array": array_for(scene)}).with_values(changed)
 
 
 def sides_met_m(scene: Scene) -> float:
@@ -68,7 +68,7 @@ def sides_met_m(scene: Scene) -> float:
     """
     if scene.tank is None or not is_tilted(scene.lamp):
         return float("inf")
-    reach = elements_of(array_of(scene)).reach_m
+    reach = elements_of(array_for(scene)).reach_m
     begin, end = np.abs(np.array(axis_at(lit(scene).lamp, np.array([0.0, 1.0])))).max(axis=0)
     free = min(scene.tank.room_m) - reach - _BESIDE_M - begin
     return float(free / (end - begin) - reach) if end > begin else float("inf")
@@ -98,7 +98,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
     Parameters
     ----------
     scene : Scene
-        Its [array] and [follower], or `array_of` it and the defaults.
+        Its [array] and [follower], or `array_for` it and the defaults.
     z_m : array, shape (n,), m
     photons : float
         Zero: the formula alone.
@@ -108,7 +108,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
     list of Known
         With scattered light, and by the formula.
     """
-    array = array_of(scene)
+    array = array_for(scene)
     told = {"array": array, "follower": follower_in(scene.follower, scene.tank, scene.detector)}
     whole = lit(scene.model_copy(update=told))
     elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]

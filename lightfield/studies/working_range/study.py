@@ -131,7 +131,7 @@ def working_range(
     ----------
     scene : Scene
         Its first plane, or position, is the reference; light is the mean over its first band. Its [array]
-        and [follower] say what reads and what is unknown; without, `array_of` it and the defaults.
+        and [follower] say what reads and what is unknown; without, `array_for` it and the defaults.
     trace : callable, optional
         `lightfield.render.diffuse.source.response_for`; None: direct light alone.
     readings : Readings, optional
