@@ -148,6 +148,7 @@ class Unnamed(Record):
     sigma: float = Field(description="by how much the readings ask for it; less than its price")
     with_it: dict[str, Estimate] = Field(description="what these values of the best set would be with it")
     in_errors: bool = Field(False, description="the stated errors reach what they would be")
+    stated: bool = Field(False, description="the scene has it: what is too small is another size of it")
 
 
 class NearestRival(Record):

@@ -123,7 +123,8 @@ def _told(one: _Absent, units: dict[str, str]) -> Unnamed:
         )
         for path in one.changed
     }
-    return Unnamed(effect=one.candidate.name, sigma=one.sigma, with_it=with_it, in_errors=True)
+    name, stated = one.candidate.name, one.candidate.is_stated
+    return Unnamed(effect=name, sigma=one.sigma, with_it=with_it, in_errors=True, stated=stated)
 
 
 def _absent(finding: SearchResult) -> list[_Absent]:

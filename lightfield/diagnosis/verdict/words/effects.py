@@ -146,6 +146,8 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
                 if path in values
             )
             why = f"is too small to be named ({one.sigma:.1f} sigma); if it is there,"
+            if one.stated:
+                why = f"of another size than the scene's is hardly asked for ({one.sigma:.1f} sigma); with it"
             if one.effect == BEAM_PROFILE:
                 why = "in more detail does nearly as well: with it"
         if there:

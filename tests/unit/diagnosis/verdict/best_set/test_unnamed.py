@@ -15,7 +15,7 @@ from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
-from lightfield.diagnosis.verdict.parts import Estimate
+from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
 from lightfield.diagnosis.verdict.words.effects import unnamed_sentences
 
 #: So many sigma of chi-square without it: below the price of one of five, which is 3.1 (chi-square 9.5).
@@ -150,3 +150,13 @@ def test_scattering_that_changes_no_error_is_not_spoken_of() -> None:
     (same,) = also.widened(SearchResult(found.many, best)).accepted
     there = SimpleNamespace(many=found.many, best=same, finer_lamp=None)
     assert unnamed.unnamed(there, {}, also) == []
+
+
+def test_of_what_the_scene_has_another_size_is_told() -> None:
+    """ "Is in the readings" and "if it is there" were said of one reflection on one page."""
+    there = {"slope": Estimate(value=0.2, stderr=0.01, unit="1/m")}
+    values = {"slope": Estimate(value=0.1, stderr=0.01, unit="1/m")}
+    one = Unnamed(effect="wall_reflection", sigma=2.9, with_it=there, in_errors=True, stated=True)
+    (said,) = unnamed_sentences([one], values)
+    assert said.startswith("wall reflection of another size than the scene's is hardly asked for (2.9 sigma)")
+    assert "if it is there" not in said
