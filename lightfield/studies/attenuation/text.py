@@ -21,7 +21,7 @@ from lightfield.studies.attenuation.study import (
 from lightfield.wording import capital, minus
 
 #: So many colours are printed, in a terminal and on a page; the data hold all.
-SHOWN = 12
+SHOWN = 20
 #: Readings that part from the scene's water by more of their errors show another.
 OTHER_WATER_SIGMA = 4.0
 #: An amount that is off by more of its stated errors than this is named.

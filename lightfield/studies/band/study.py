@@ -260,7 +260,10 @@ def _transmitted(
     """Light at each distance for unit intensity, the slope K of ln(light z^2) and its error, (n_z, n)."""
     wall = walls_m(scene.tank)[2][1]
     if z.max() >= wall:
-        raise UsageError("a distance outside the tank", found=f"{z.max():g} m", rule=f"less than {wall:g} m")
+        raise UsageError(
+            "a distance outside the tank", found=f"{z.max():g} m", rule=f"less than {wall:g} m",
+            remedy="ask for nearer distances; the scene's planes are asked about where none are given",
+        )  # fmt: skip
     step = np.minimum(_SLOPE, 0.5 * (wall / z - 1))  # half way to the wall, where that is nearer
     places = np.concatenate([z * (1 - step), z, z * (1 + step)])
     x, y = (np.full(len(places), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
