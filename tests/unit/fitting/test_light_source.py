@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lightfield.fitting.forward import SceneForward
+from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
@@ -32,29 +34,29 @@ def where_it_reads(table: Readings) -> Readings:
     return replace(table, x_m=x, time_s=np.full(18, np.nan))
 
 
-class Moving:
-    """Scattered light that moves with the lamp and falls with the distance, as `slopes_of_rest` has it."""
+class WithoutPhotons:
+    """Scattered light at the places that it is asked for, by quadrature; it knows nothing of slopes."""
 
-    def __init__(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> None:
-        self.x, self.z = x, z
+    def __init__(self, *places: np.ndarray) -> None:
+        self.field = ScatteredField(*places)
 
-    def light(self, scene: Scene, wavelengths_nm: list[float | None]) -> np.ndarray:
-        aside = self.x - scene.lamp.offset_x_m
-        return np.asarray([1e-3 * np.exp(-(aside**2) - 0.1 * self.z) / self.z**2])
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> np.ndarray:
+        return self.field.light(scene, wavelengths_nm)
+
+
+def predicted(scene: Scene, table: Readings) -> np.ndarray:
+    return SceneForward(scene, table, lambda _, *places, **options: WithoutPhotons(*places)).predict({})
 
 
 @pytest.mark.parametrize("scene", [CLEAR, TURBID])
 def test_light_is_that_of_the_places_behind(scene: Scene) -> None:
-    """Straight light exactly; scattered light by its slope, to a thousandth of it for 4 mm."""
+    """Straight light exactly; scattered light by its slope, to 3 % of what the lag changes at most."""
     table = to_and_fro()
-    lagging = scene.with_values({"detector.lag_m": LAG_M})
-
-    def predicted(of: Scene, at: Readings) -> np.ndarray:
-        return SceneForward(of, at, lambda _, *places, **options: Moving(*places)).predict({})
-
-    now, there = predicted(lagging, table), predicted(scene, where_it_reads(table))
-    assert now == pytest.approx(there, rel=1e-12 if scene is CLEAR else 1e-4)
-    assert np.abs(now / predicted(scene, table) - 1).max() > 0.01
+    now = predicted(scene.with_values({"detector.lag_m": LAG_M}), table)
+    there, stated = predicted(scene, where_it_reads(table)), predicted(scene, table)
+    change = np.abs(there - stated).max()
+    assert np.abs(there / stated - 1).max() > 0.01
+    assert np.abs(now - there).max() < (1e-9 if scene is CLEAR else 0.03) * change
 
 
 def test_some_of_the_readings_keep_their_motion() -> None:
