@@ -18,7 +18,7 @@ from pydantic import BaseModel, Field, ValidationError, model_validator
 from lightfield.errors import RuleError, SceneError, brief
 from lightfield.scene.detector import Detector
 from lightfield.scene.follower import DetectorArray, Follower
-from lightfield.scene.in_tank import check_all_inside, plane_size_m, room_for_lamp_m, water_in
+from lightfield.scene.in_tank import check_all_inside, follower_in, plane_size_m, room_for_lamp_m, water_in
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.listed import (
     OWN_FIELD,
@@ -250,6 +250,11 @@ class Scene(Part):
     def plane_size_m(self) -> tuple[float, float]:
         """Width and height of the detector planes; where nothing is said, clipped to the tank."""
         return plane_size_m(self.detector, self.tank)
+
+    @property
+    def follower_here(self) -> Follower:
+        """The follower; distances that nobody stated as far as the scene reaches."""
+        return follower_in(self.follower, self.tank, self.detector)
 
     @property
     def reflectances(self) -> tuple[float, float]:

@@ -15,7 +15,6 @@ from lightfield.report.follower.follow_figures import (
 from lightfield.report.follower.page import light_in_words, page, section
 from lightfield.report.page import Section, Table, page_figure
 from lightfield.scene import Scene
-from lightfield.scene.in_tank import follower_in
 from lightfield.studies.following.metrics import METRICS, OF_DOCKING
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
@@ -101,7 +100,7 @@ def _run_by(one: Followed) -> str:
 def follow_sweep_page(data: xr.Dataset) -> str:
     """The page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
     scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
-    mission = follower_in(scene.follower, scene.tank, scene.detector).mission
+    mission = scene.follower_here.mission
     runs = int(data.attrs["runs"])
     metric = "docked" if mission.task == "dock" else "standoff"
     unit, meaning = METRICS[metric]

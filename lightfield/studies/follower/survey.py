@@ -12,7 +12,6 @@ from lightfield.arrays import jsonable
 from lightfield.errors import SceneError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import DetectorArray, Scene
-from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.array_light import (
     ArrayModel,
     Space,
@@ -159,7 +158,7 @@ def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: 
     """
     elements = elements_of(array_of(scene))
     refuse_walls(scene, space, elements)
-    names, pose = pose_names(scene), pose_of(follower_in(scene.follower, scene.tank, scene.detector))
+    names, pose = pose_names(scene), pose_of(scene.follower_here)
     light = light_of(scene, space.with_pose(pose), elements, photons=photons, seed=seed)
     model, noise, nuisances = ArrayModel(light, elements), SensorNoise.of_scene(scene), nuisances_of(scene)
     parts = model.leave_one_out()

@@ -17,7 +17,6 @@ from lightfield.arrays import Array, Mask
 from lightfield.progress import tell
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
-from lightfield.scene.in_tank import follower_in
 from lightfield.studies.follower.array_light import Light, Space, pose_names
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.elements import Elements
@@ -99,7 +98,7 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     runs : int
         Side by side.
     """
-    array, follower = scene.array, follower_in(scene.follower, scene.tank, scene.detector)
+    array, follower = scene.array, scene.follower_here
     assert array is not None
     mission, rng, noise = follower.mission, np.random.default_rng(seed), SensorNoise.of_scene(scene)
     truth = Truth.of(scene, light, elements, runs, rng)

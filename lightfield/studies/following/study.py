@@ -15,7 +15,6 @@ from lightfield.progress import step
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
-from lightfield.scene.in_tank import follower_in
 from lightfield.studies.defaults import RUNS
 from lightfield.studies.follower.bias import CLEAR_PER_M
 from lightfield.studies.follower.elements import elements_of
@@ -72,7 +71,7 @@ class Followed:
 
     @property
     def mission(self) -> Mission:
-        return follower_in(self.scene.follower, self.scene.tank, self.scene.detector).mission
+        return self.scene.follower_here.mission
 
     @property
     def spreads(self) -> dict[str, OverRuns]:
@@ -300,18 +299,18 @@ def follow(
     for k, (name, scene) in enumerate(whole):
         elements = elements_of(array_of(scene))
         _check_length(scene, runs)
-        check_way(follower_in(scene.follower, scene.tank, scene.detector).mission, scene.tank)
+        check_way(scene.follower_here.mission, scene.tank)
         with step(2 * k, 2 * len(whole), f"light of {name}"):
             light = light_of_mission(scene, elements, photons=photons, seed=seed, densest=densest)
         with step(2 * k + 1, 2 * len(whole), f"runs of {name}"):
             track = run_loop(scene, light, elements, runs=runs, seed=seed)
-        mission = follower_in(scene.follower, scene.tank, scene.detector).mission
+        mission = scene.follower_here.mission
         cases.append(Followed(name, scene, track, metrics_of(track, mission), bool(photons)))
     return Following(cases)
 
 
 def _check_length(scene: Scene, runs: int) -> None:
-    mission, rate = follower_in(scene.follower, scene.tank, scene.detector).mission, array_of(scene).sample_hz
+    mission, rate = scene.follower_here.mission, array_of(scene).sample_hz
     if runs * mission.duration_s * rate > MOST_READINGS:
         raise SceneError(
             "too many readings", where="follower.mission.duration_s",
@@ -329,10 +328,10 @@ def with_belief(scene: Scene, believes: str) -> Scene:
         Water whose scattering is not one number can neither be cleared nor become turbid.
     """
     if scene.follower is None:
-        scene = scene.model_copy(update={"follower": follower_in(None, scene.tank, scene.detector)})
+        scene = scene.model_copy(update={"follower": scene.follower_here})
     if believes:
         scene = scene.with_values({"follower.mission.believes": believes})
-    mission = follower_in(scene.follower, scene.tank, scene.detector).mission
+    mission = scene.follower_here.mission
     if mission.believes == "clear":
         others = [name for name in BELIEFS if name != "clear"]
         refuse_several(

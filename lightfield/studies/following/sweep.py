@@ -17,7 +17,6 @@ from lightfield.errors import BackendError, LightfieldError, OutputError, one_li
 from lightfield.maps.dataset import CONVENTIONS
 from lightfield.render.limits import FIELD_PHOTONS, PHOTONS
 from lightfield.scene import Scene
-from lightfield.scene.in_tank import follower_in
 from lightfield.storage import inputs
 from lightfield.studies.defaults import RUNS
 from lightfield.studies.follower.elements import elements_of
@@ -102,7 +101,7 @@ def run_follow_sweep(
             case = plan.cases.build(number)
             densest = max(densest, densest_per_m(case))
             contents.add(elements_of(array_of(case)).as_csv())
-            mission = follower_in(case.follower, case.tank, case.detector).mission
+            mission = case.follower_here.mission
             if mission.leader == "table":
                 contents.add(inputs.content_digest(str(mission.leader_table), inputs.TABLE))
         except LightfieldError:

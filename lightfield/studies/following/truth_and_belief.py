@@ -9,7 +9,6 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.scene import Scene, Water
 from lightfield.scene.bands import middles_nm
-from lightfield.scene.in_tank import follower_in
 from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, Space, light_of
 from lightfield.studies.follower.array_noise import PERCENT
@@ -33,7 +32,7 @@ TILTED, WIDEST_DEG = 3.0, 45.0
 
 def space_of_mission(scene: Scene) -> Space:
     """Where a run may lead."""
-    follower = follower_in(scene.follower, scene.tank, scene.detector)
+    follower = scene.follower_here
     mission = follower.mission
     near = max(mission.standoff_m - NEARER_M, BEFORE_DOCK * mission.standoff_m)
     if mission.task == "dock":
@@ -46,7 +45,7 @@ def space_of_mission(scene: Scene) -> Space:
 def densest_per_m(scene: Scene) -> float:
     """Most scattering of a run, 1/m."""
     at = middles_nm(scene)[0].mean(keepdims=True)
-    follower = follower_in(scene.follower, scene.tank, scene.detector)
+    follower = scene.follower_here
     return float(scattering_per_m(scene.water, at)[0]) * max(1.0, follower.mission.turbid_factor)
 
 
@@ -64,7 +63,7 @@ def light_of_mission(
     if photons and most > scene.water.scattering_per_m and scene.water.base == "none":
         scene = scene.with_values({"water.scattering_per_m": most / DENSER})
     space = space_of_mission(scene)
-    tilt = follower_in(scene.follower, scene.tank, scene.detector).lamp_tilt_known_deg
+    tilt = scene.follower_here.lamp_tilt_known_deg
     aside = space.far_m * np.tan(np.radians(min(TILTED * tilt, WIDEST_DEG)))
     wider = replace(space, half_width_m=space.half_width_m + float(aside))
     return light_of(scene, wider, elements, photons=photons, seed=seed)
@@ -114,7 +113,7 @@ class Truth:
     @classmethod
     def of(cls, scene: Scene, light: Light, elements: Elements, runs: int, rng: np.random.Generator) -> Truth:
         """Draw what the follower does not know, as far as the scene says (`nuisances_of`), for every run."""
-        array, follower = scene.array, follower_in(scene.follower, scene.tank, scene.detector)
+        array, follower = scene.array, scene.follower_here
         assert array is not None
         mismatch = 1 + PERCENT * array.gain_mismatch_percent * rng.standard_normal((runs, len(elements)))
         drift = np.exp(PERCENT * array.gain_drift_percent * rng.standard_normal((runs, 1)))

@@ -9,7 +9,6 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.formula.own_formulas import lit
 from lightfield.scene import DetectorArray, Scene
-from lightfield.scene.in_tank import follower_in
 from lightfield.scene.lamp.frame import axis_at, is_tilted
 from lightfield.studies.defaults import ARRAY_COUNT, ARRAY_SIDE_M
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, pose_names
@@ -109,7 +108,7 @@ def known_poses(scene: Scene, z_m: Array, *, photons: float) -> list[Known]:
         With scattered light, and by the formula.
     """
     array = array_for(scene)
-    told = {"array": array, "follower": follower_in(scene.follower, scene.tank, scene.detector)}
+    told = {"array": array, "follower": scene.follower_here}
     whole = lit(scene.model_copy(update=told))
     elements, noise, names = elements_of(array), SensorNoise.of_scene(whole), pose_names(whole)[:5]
     nuisances = nuisances_of(whole)
