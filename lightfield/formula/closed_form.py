@@ -20,11 +20,12 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula import own_formulas
-from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays
+from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays, stated_nm
 from lightfield.formula.readout import Taken, halves, immersed, plane_gain, readout, spectra, time_factor
 from lightfield.formula.scattered.quadrature import finest_rad
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
+from lightfield.scene.lamp.colour import REFERENCE_NM, wider_in_colour
 from lightfield.scene.lamp.frame import beam_angles, is_ahead, through_window
 from lightfield.scene.lamp.profile import LN2, effective_angles, relative_intensity
 from lightfield.scene.parameters import switched_off
@@ -76,7 +77,9 @@ def refuse_pencil(lamp: Lamp) -> None:
         )  # fmt: skip
 
 
-def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
+def source(
+    lamp: Lamp, ray: Ray, in_air: Array | None = None, wavelength_nm: ArrayLike = REFERENCE_NM
+) -> Array:
     """Relative radiant intensity towards each receiver (eq. 1).
 
     Parameters
@@ -87,9 +90,14 @@ def source(lamp: Lamp, ray: Ray, in_air: Array | None = None) -> Array:
         Where to.
     in_air : array of bool, optional
         Readings in air see I(theta / n) / n^2 of the beam in water, n = lamp.window_index.
+    wavelength_nm : array, nm, optional
+        Of each, where the beam's width has a colour.
     """
     refuse_pencil(lamp)
     theta_x, theta_y = beam_angles(lamp, ray.dx, ray.dy, ray.dz)
+    if lamp.width_slope:
+        wider = wider_in_colour(lamp, wavelength_nm)
+        theta_x, theta_y = theta_x / wider, theta_y / wider
     if in_air is None or lamp.window_index == 1.0:
         return relative_intensity(lamp, theta_x, theta_y)
     n = np.where(in_air, lamp.window_index, 1.0)
@@ -243,7 +251,9 @@ def light_of_point(
     tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high), time_s)
     if in_air is not None:
         tau = np.where(in_air, 0.0, tau)
-    light = source(lamp, ray, in_air) * np.exp(-tau) / (ray.r * ray.r) * receiver(scene, ray, x, y, z)
+    colour = stated_nm(wavelength_nm, 0.5 * (low + high)) if lamp.width_slope else REFERENCE_NM
+    sent = source(lamp, ray, in_air, colour)
+    light = sent * np.exp(-tau) / (ray.r * ray.r) * receiver(scene, ray, x, y, z)
     return light if ahead.all() else np.where(ahead, light, 0.0)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from lightfield.errors import SceneError
 from lightfield.formula.own_formulas import lit
 from lightfield.scene import Scene
+from lightfield.scene.lamp.width import widened
 
 
 def in_air(scene: Scene) -> Scene:
@@ -17,23 +18,23 @@ def in_air(scene: Scene) -> Scene:
     Raises
     ------
     SceneError
-        A window that bends a beam which is not given by its half widths.
+        A window that bends the beam of an apparent source.
     """
     values: dict[str, object] = {}
     if scene.tank is not None and scene.surface_reflects:
         values |= {"tank.surface_reflectance": 0.0}
     n = scene.lamp.window_index
     if n != 1.0:
-        lamp = lit(scene).lamp
-        if lamp.intensity_table is not None or lamp.apparent_distance_m or lamp.profile_departure:
+        if scene.lamp.apparent_distance_m:
             raise SceneError(
                 "the beam of this lamp in air is not known",
                 where="lamp.window_index",
                 found=n,
-                rule="1 with a table of intensity, a free profile, a formula of theta or an apparent source",
+                rule="1 with an apparent source, whose place a window moves",
                 remedy="give the beam as it is in air, and lamp.window_index = 1",
             )
-        wider = {f"lamp.{name}": n * getattr(lamp, name) for name in ("hwhm_deg", "skirt_hwhm_deg")}
-        values |= wider | {"lamp.window_index": 1.0}
+        scene = lit(scene)
+        lamp = widened(scene.lamp, n).model_copy(update={"window_index": 1.0})
+        scene = scene.model_copy(update={"lamp": lamp})
     dry = scene.model_copy(update={"water": type(scene.water)()})
     return dry.with_values(values)

@@ -88,6 +88,16 @@ def on_path(scene: Scene) -> tuple[OwnEffect, ...]:
     return tuple(effect for effect in scene.effect if effect.stage == "path" and not effect.is_off)
 
 
+def has_own_straight_light(scene: Scene) -> bool:
+    """Is straight light, in any one water, another than a trace of the lamp as it is at 550 nm tells?"""
+    return bool(on_path(scene) or scene.lamp.width_slope)
+
+
+def has_colours_of_its_own(scene: Scene) -> bool:
+    """And does it change with the wavelength?"""
+    return bool(scene.lamp.width_slope) or any(e.speaks_of("wavelength") for e in on_path(scene))
+
+
 def shown(scene: Scene, reading: Array, full: float, *where: Any) -> Array:
     """Readings after own effects of the readout, in the order of the scene; `where` as `places` takes it.
 

@@ -91,12 +91,16 @@ def optical_depth(
     if is_layered(water):
         tau = tau + layers_depth(water, z_m, s, ray.height_m)
     if time_s is not None and ages(water):
-        stated = default_nm if wavelength_nm is None else np.asarray(wavelength_nm, dtype=float)
-        colour = np.where(np.isnan(stated), default_nm, stated)
-        tau = tau + growth_per_m(water, time_s, colour) * s
+        tau = tau + growth_per_m(water, time_s, stated_nm(wavelength_nm, default_nm)) * s
     if water.hardening_per_m:
         tau = tau - hardening_depth(water, s)
     return np.asarray(tau)
+
+
+def stated_nm(wavelength_nm: ArrayLike | None, default_nm: float) -> Array:
+    """Wavelengths, nm, with another in place of those that are absent or NaN."""
+    stated = np.asarray(default_nm if wavelength_nm is None else wavelength_nm, dtype=float)
+    return np.where(np.isnan(stated), default_nm, stated)
 
 
 def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, default_nm: float = 525.0) -> Any:

@@ -44,7 +44,7 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
     total = np.zeros_like(place)
     for lamp, share in lamps_of_window(scene.lamp, z):
         ray = rays(lamp, x, y, z)
-        light = source(lamp, ray) * np.exp(-optical_depth(scene.water, ray, z, middle))
+        light = source(lamp, ray, wavelength_nm=middle) * np.exp(-optical_depth(scene.water, ray, z, middle))
         total += (share * light / ray.r**3)[:, None] * np.stack([ray.dx, ray.dy, ray.dz], axis=1)
     left = own_formulas.factor(scene, ("path",), x, y, z, middle)
     return np.where(ahead[:, None], total * np.reshape(left, (-1, 1)), 0.0)

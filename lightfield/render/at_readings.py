@@ -102,8 +102,10 @@ def _render(
 ) -> tuple[Array, Array]:
     """Light at places in air (`dry`) or water, and its error, shape (n,)."""
     light, error = np.zeros(len(x)), np.zeros(len(x))
-    if dry.any():
-        light[dry] = direct_at(scene, x[dry], y[dry], z[dry], 0.0, in_air=True)
+    for channel in np.unique(channels[dry]).tolist():
+        mine = dry & (channels == channel)
+        nm = float(read_nm(scene, [channel])[0])
+        light[mine] = direct_at(scene, x[mine], y[mine], z[mine], 0.0, in_air=True, wavelength_nm=nm)
     wet = ~dry & (z > 0)
     if not wet.any():
         return light, error

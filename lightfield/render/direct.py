@@ -8,6 +8,7 @@ from lightfield.formula.own_formulas import factor, lit
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import positions_grid, reference_of
 from lightfield.scene import Scene
+from lightfield.scene.lamp.colour import wider_in_colour
 from lightfield.scene.lamp.frame import beyond_window, through_window
 from lightfield.scene.water.hardening import hardening_depth
 
@@ -38,7 +39,7 @@ def direct_at(
     in_air : bool
         No water; the window no longer narrows the beam: I(theta / n) / n^2.
     wavelength_nm : float, optional
-        Of which a formula of the user's own may speak.
+        On which the beam's width may depend, and of which a formula of the user's own may speak.
 
     Returns
     -------
@@ -78,6 +79,9 @@ def direct_at(
     in_water = beyond_window(distance, target.z, behind)
     start = mi.Point3f(target - direction * in_water)
     theta_x, theta_y = emission.angles(direction)
+    if lamp.width_slope and wavelength_nm is not None:
+        narrower = dr.opaque(mi.Float, 1.0 / float(wider_in_colour(lamp, wavelength_nm)))
+        theta_x, theta_y = theta_x * narrower, theta_y * narrower
     intensity = through_window(emission.intensity, theta_x, theta_y, index)
     depth = mi.Float(0)
     if not in_air:

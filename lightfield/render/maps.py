@@ -10,40 +10,40 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.formula.own_formulas import factor, lit, on_path
+from lightfield.formula.own_formulas import factor, has_own_straight_light, lit, on_path
 from lightfield.render.backend import use_backend
 from lightfield.render.limits import OF_MAPS
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
+from lightfield.render.response.of_colours import OfColours
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
-from lightfield.scene.bands import at_wavelengths, over_bands, refuse_unlit
+from lightfield.scene.bands import at_wavelengths, middles_nm, over_bands, refuse_unlit
+from lightfield.scene.lamp.colour import in_colour
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 
 TOGETHER = 25  # wavelengths evaluated at once
+#: A lamp whose width has a colour is traced at so many wavelengths.
+_COLOURS = 3
 
 
 @dataclass(frozen=True)
-class Rendering:
-    """Maps of a scene and what they rest on.
+class TracedMaps:
+    """The light of a scene in the cells of a grid.
 
     Parameters
     ----------
-    energy : Bookkeeping
-        Energy balance in the reference water, sr (power for unit on-axis intensity).
-    reached : float
-        Relative standard error that 95 % of the lit cells have.
+    of_colours : OfColours, optional
+        Of a lamp whose width has a colour.
     """
 
     scene: Scene
     response: TransportResponse
     grid: Grid
-    energy: Bookkeeping
-    reached: float
-    settings: Settings
+    of_colours: OfColours | None
 
     def maps(self, wavelengths_nm: Array | None = None, part: str = "all") -> tuple[Array, Array]:
         """Spectral maps in absolute units.
@@ -63,7 +63,7 @@ class Rendering:
         at, intensity = (
             over_bands(scene) if wavelengths_nm is None else at_wavelengths(scene.lamp, wavelengths_nm)
         )
-        grey = not on_path(scene) and (
+        grey = not has_own_straight_light(scene) and (
             np.ptp(absorption_per_m(scene.water, at.ravel()))
             == np.ptp(scattering_per_m(scene.water, at.ravel()))
             == 0
@@ -92,34 +92,52 @@ class Rendering:
         """
         water = self.scene.water
         a, b = coefficients_in(water, wavelengths_nm, self.response.reference.molecular_share)
-        found = self.response.evaluate(
-            a, b, *self.scene.reflectances, hardening=water.hardening_per_m, part=part
-        )
+        found = self._evaluated(wavelengths_nm, a, b, part)
         if part != "diffuse" and on_path(self.scene):
-            found = with_own_path(self.scene, self.response, self.grid, wavelengths_nm, (a, b), found)
+            straight = found[0] if part == "direct" else self._evaluated(wavelengths_nm, a, b, "direct")[0]
+            found = with_own_path(self.scene, self.grid, wavelengths_nm, straight, found)
         mean, stderr = map(self.grid.in_water, found)
         if intensity is None:
             return mean, stderr
-        factor = np.asarray(intensity)[:, None, None, None]
-        return mean * factor, stderr * factor
+        power = np.asarray(intensity)[:, None, None, None]
+        return mean * power, stderr * power
+
+    def _evaluated(self, wavelengths_nm: Array, a: Array, b: Array, part: str) -> tuple[Array, Array]:
+        """Maps in water of these coefficients, of shape (n,), without own effects on the path."""
+        asked, hardening = (a, b, *self.scene.reflectances), self.scene.water.hardening_per_m
+        if self.of_colours is None:
+            return self.response.evaluate(*asked, hardening=hardening, part=part)
+        return self.of_colours.evaluate(wavelengths_nm, *asked, hardening, part)
+
+
+@dataclass(frozen=True)
+class Rendering(TracedMaps):
+    """Maps of a scene and what they rest on.
+
+    Parameters
+    ----------
+    energy : Bookkeeping
+        Energy balance in the reference water, sr (power for unit on-axis intensity).
+    reached : float
+        Relative standard error that 95 % of the lit cells have.
+    """
+
+    energy: Bookkeeping
+    reached: float
+    settings: Settings
 
 
 def with_own_path(
-    scene: Scene,
-    response: TransportResponse,
-    grid: Grid,
-    wavelengths_nm: Array,
-    coefficients: tuple[Array, Array],
-    maps: tuple[Array, Array],
+    scene: Scene, grid: Grid, wavelengths_nm: Array, straight: Array, maps: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """Maps in which formulas of the user's own have acted on the light that comes straight.
 
     Parameters
     ----------
     wavelengths_nm : array, shape (n,), nm
-    coefficients : two arrays, shape (n,), m^-1
-        Absorption and scattering, as the response was evaluated.
-    maps : two arrays, shape (n, n_planes, n_y, n_x)
+    straight : array, shape (n, n_planes, n_y, n_x)
+        The light that comes straight, without them.
+    maps : two arrays, of that shape
         Mean and standard error without them.
 
     Raises
@@ -128,9 +146,6 @@ def with_own_path(
         A formula has no finite value in the middle of every cell.
     """
     mean, stderr = maps
-    straight, _ = response.evaluate(
-        *coefficients, *scene.reflectances, hardening=scene.water.hardening_per_m, part="direct"
-    )
     places = grid.centres()
     left = np.array([factor(scene, ("path",), *places, w) - 1.0 for w in np.ravel(wavelengths_nm)])
     change = straight * left.reshape(straight.shape)
@@ -189,7 +204,8 @@ def render_scene(
     stored = response_cache.recall(key) if cache else None
     if stored is not None:
         response, energy = TransportResponse.unpacked(stored, chosen), Bookkeeping(*stored["energy"].tolist())
-        return Rendering(scene, response, grid, energy, float(stored["reached"]), settings)
+        of_colours = in_its_colours(scene, response, grid, settings, cache, path_nodes)
+        return Rendering(scene, response, grid, of_colours, energy, float(stored["reached"]), settings)
     use_backend()
     from lightfield.render.tracer.accumulate import (
         trace_until,  # Mitsuba, which a cached response does not need
@@ -199,7 +215,42 @@ def render_scene(
     if cache:
         found = {"energy": np.array(astuple(energy)), "reached": np.array(reached)}
         response_cache.keep(key, response.packed() | found)
-    return Rendering(scene, response, grid, energy, reached, settings)
+    of_colours = in_its_colours(scene, response, grid, settings, cache, path_nodes)
+    return Rendering(scene, response, grid, of_colours, energy, reached, settings)
+
+
+def in_its_colours(
+    scene: Scene,
+    response: TransportResponse,
+    grid: Grid,
+    settings: Settings,
+    cache: bool = True,
+    path_nodes: int | None = None,
+) -> OfColours | None:
+    """Light of a lamp whose width has a colour, traced at some of its wavelengths; None: it has one width.
+
+    Parameters
+    ----------
+    scene : Scene
+        With the lamp's shape in its lamp, see `lit`.
+    response : TransportResponse
+        Of the lamp as wide as it is at 550 nm.
+    """
+    if not scene.lamp.width_slope:
+        return None
+    at, traced = np.geomspace(*_ends(middles_nm(scene)), _COLOURS).tolist(), asdict(settings)
+    responses = tuple(
+        render_scene(
+            in_colour(scene, nm), **traced, reference=response.reference, grid=grid, cache=cache,
+            path_nodes=path_nodes,
+        ).response
+        for nm in at
+    )  # fmt: skip
+    return OfColours(tuple(at), responses)
+
+
+def _ends(wavelengths_nm: Array) -> tuple[float, float]:
+    return float(wavelengths_nm.min()), float(wavelengths_nm.max())
 
 
 def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, Any]:

@@ -15,6 +15,7 @@ class Acts(Flag):
     TIME = auto()  #: lamp power over its value at time zero
     BEAM = auto()  #: radiant intensity over directions, as planes at some distance see it
     SECTION = auto()  #: how much wider the beam is in some directions about its axis than its profile says
+    BEAM_COLOUR = auto()  #: how the width of the beam changes with the wavelength
     SOURCE = auto()  #: from where light starts
     AIR = auto()  #: light at readings in air, and at no other
     STRAIGHT = auto()  #: light that comes straight from the lamp, and no other

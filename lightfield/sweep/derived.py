@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.formula.closed_form import lamps_of_window, light_of_point, optical_depth, rays
-from lightfield.formula.own_formulas import factor, lit, on_path
+from lightfield.formula.own_formulas import factor, has_colours_of_its_own, lit
 from lightfield.maps.cells import along_a_side, axis_cells, cell_mean
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
 from lightfield.render.response.grid import Grid, cell_centres
@@ -61,7 +61,7 @@ class GridFormula:
         finer = _in_parts(grid, scene.lamp)
         for point, share in lamps_of_window(scene.lamp, grid.z_m):
             light = partial(_in_clear_water, scene, finer, point, share)
-            if not any(effect.speaks_of("wavelength") for effect in on_path(scene)):
+            if not has_colours_of_its_own(scene):
                 light = partial(_always, light())
             sources.append((point, light))
         return cls(tuple(sources), grid, finer)
@@ -111,8 +111,9 @@ def _in_clear_water(
 
     def field(x: Array, y: Array) -> Array:
         # Own effects speak of the lamp, and not of points of its window.
-        at = np.broadcast_arrays(x, y, z)
-        return light_of_point(alone, point, *at) * factor(scene, ("path",), x, y, z, wavelength_nm)
+        x, y, each_z = np.broadcast_arrays(x, y, z)
+        light = light_of_point(alone, point, x, y, each_z, wavelength_nm)
+        return light * factor(scene, ("path",), x, y, each_z, wavelength_nm)
 
     pitch, count = max(grid.pitch_x_m, grid.pitch_y_m), len(grid.x_m) * len(grid.y_m)
     side = along_a_side(scene, float(z.min()), pitch, count)

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from functools import lru_cache
 from itertools import groupby
 from math import prod
@@ -18,17 +18,19 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from lightfield.errors import LightfieldError, OutputError, one_line
-from lightfield.formula.own_formulas import lit, on_path
+from lightfield.formula.own_formulas import has_own_straight_light, lit
 from lightfield.progress import Listener, heard_by
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
-from lightfield.render.maps import render_scene, with_own_path
+from lightfield.render.maps import TracedMaps, in_its_colours, render_scene
 from lightfield.render.response.grid import scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.response.response_cache import is_damage, read_arrays, write_arrays
+from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
 from lightfield.scene.bands import PIECES, over_bands
+from lightfield.scene.lamp.colour import REFERENCE_NM, in_colour
 from lightfield.scene.water.coefficients import coefficients_in, is_grey
 from lightfield.storage.tables import kept_by_tables
 from lightfield.sweep import zarrfile
@@ -92,19 +94,22 @@ class MapTarget:
         What the maps are of.
     derived : dict of str to str
         Variables beside the maps, and what `derive` calls them.
+    settings : SweepSettings
+        Of traces that a case needs for itself.
     """
 
     path: Path
     variables: dict[str, Variable]
     quantity: str
     derived: dict[str, str]
+    settings: SweepSettings
 
 
 def map_target(plan: SweepPlan, path: Path, variables: dict[str, Variable]) -> MapTarget:
     """Where and how the blocks of a sweep of maps are written."""
     quantity, units, _, area_units = quantity_of(plan)
     derived = {name: key for name, key, _, _ in derived_variables(quantity, units, area_units)}
-    return MapTarget(path, variables, quantity, derived)
+    return MapTarget(path, variables, quantity, derived, plan.settings)
 
 
 def do_trace(trace: Trace, scene: Scene, settings: SweepSettings, path: Path) -> TraceDone:
@@ -124,7 +129,7 @@ def do_trace(trace: Trace, scene: Scene, settings: SweepSettings, path: Path) ->
             threads = int(os.environ.get(THREADS_VARIABLE) or 1)
             with limited_threads(threads), heard_by(_to_whoever_waits(trace.number, path)):
                 rendering = render_scene(
-                    scene,
+                    in_colour(scene, REFERENCE_NM),  # of other colours a case has traces of its own
                     rel_error=settings.rel_error,
                     max_photons=settings.max_photons,
                     seed=trace.seed,
@@ -191,7 +196,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
             if number < 0 or not scenes:
                 continue
             response = _response(trace_file(target.path, number))
-            for i, scene, mean, stderr in evaluated(response, scenes, failed, block):
+            for i, scene, mean, stderr in evaluated(response, scenes, failed, block, target.settings):
                 grid = scene_grid(scene)
                 mean, stderr = grid.in_water(mean), grid.in_water(stderr)
                 try:
@@ -232,7 +237,11 @@ def write_block(
 
 
 def evaluated(
-    response: TransportResponse, scenes: list[tuple[int, Scene]], failed: dict[int, str], block: Block
+    response: TransportResponse,
+    scenes: list[tuple[int, Scene]],
+    failed: dict[int, str],
+    block: Block,
+    settings: SweepSettings,
 ) -> Iterator[tuple[int, Scene, np.ndarray, np.ndarray]]:
     """Maps of many waters from one response, many at a time: (place in the block, scene, mean, stderr).
 
@@ -242,8 +251,8 @@ def evaluated(
 
     def together(pair: tuple[int, Scene]) -> tuple[object, ...]:
         i, scene = pair
-        # Own effects on the path are weighed case by case, and fail so.
-        return scene.water.hardening_per_m, _evaluations(scene), i if on_path(scene) else None
+        # Straight light of its own is worked out case by case, and own effects fail so.
+        return scene.water.hardening_per_m, _evaluations(scene), i if has_own_straight_light(scene) else None
 
     for _, alike in groupby(scenes, key=together):
         members = list(alike)
@@ -252,7 +261,11 @@ def evaluated(
         for first in range(0, len(members), step):
             part = members[first : first + step]
             try:
-                means, errors = _evaluate(response, [scene for _, scene in part])
+                if has_own_straight_light(part[0][1]):
+                    mean, stderr = _by_itself(response, part[0][1], settings)
+                    means, errors = mean[None], stderr[None]
+                else:
+                    means, errors = _evaluate(response, [scene for _, scene in part])
             except LightfieldError as error:
                 failed |= {int(block.cases[i]): one_line(error)[:240] for i, _ in part}
                 continue
@@ -277,19 +290,24 @@ def _evaluate(response: TransportResponse, scenes: list[Scene]) -> tuple[np.ndar
     hardening = scenes[0].water.hardening_per_m
     a, b, rho, surface = np.concatenate(columns, axis=1)
     mean, stderr = response.evaluate(a, b, rho, surface, hardening=hardening)
-    if on_path(scenes[0]):
-        (scene,) = scenes
-        at = over_bands(scene).wavelength_nm.ravel()
-        mean, stderr = with_own_path(scene, response, scene_grid(scene), at, (a, b), (mean, stderr))
     factor = np.array(weights)[..., None, None, None]
     with np.errstate(invalid="ignore"):
         # Wavelengths of a band share their photons: errors add up, they do not average out.
         return (mean.reshape(shape) * factor).sum(axis=2), (stderr.reshape(shape) * factor).sum(axis=2)
 
 
+def _by_itself(
+    response: TransportResponse, scene: Scene, settings: SweepSettings
+) -> tuple[np.ndarray, np.ndarray]:
+    """Maps of a case with straight light of its own, shape (n_bands, n_planes, n_y, n_x)."""
+    grid = replace(scene_grid(scene), inside=None)  # what lies outside is taken out of the maps of all cases
+    how = Settings(settings.rel_error, settings.max_photons, settings.seed)
+    return TracedMaps(scene, response, grid, in_its_colours(scene, response, grid, how)).maps()
+
+
 def _evaluations(scene: Scene) -> tuple[int, int]:
-    """How many bands, and wavelengths in each, are evaluated: one in grey water without own effects."""
-    grey = is_grey(scene.water) and not on_path(scene)
+    """How many bands, and wavelengths in each, are evaluated: one where all are alike."""
+    grey = is_grey(scene.water) and not has_own_straight_light(scene)
     return (1, 1) if grey else (len(scene.detector.bands_nm), PIECES)
 
 
@@ -306,7 +324,9 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
 def _formula(scene: Scene) -> np.ndarray | None:
     """Maps of the formula, shape (n_bands, n_planes, n_y, n_x); None where it has none."""
     formula = (
-        GridFormula.of(scene, scene_grid(scene)) if on_path(scene) else _geometry(only(scene, _GEOMETRY))
+        GridFormula.of(scene, scene_grid(scene))
+        if has_own_straight_light(scene)
+        else _geometry(only(scene, _GEOMETRY))
     )
     return None if formula is None else formula.bands(scene)
 

@@ -49,6 +49,8 @@ def why_fixed(e: Experiment, scene: Scene) -> str | None:
         return "the background drifts"
     if detector.background_departure:
         return "the background has a colour"
+    if scene.lamp.width_slope:
+        return "the width of the beam has a colour"
     if detector.lag_m:
         return "the places that are read lag behind"
     if scene.effect:

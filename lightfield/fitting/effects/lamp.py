@@ -122,6 +122,16 @@ EFFECTS = (
         needs=("off_axis",),
     ),
     Effect(
+        "beam_colour",
+        "beam shape",
+        (Form("wider with the wavelength", (Free("lamp.width_slope", -1.0, 1.0, 0.05),)),),
+        "The beam is wider in one colour than in another: a phosphor around a blue chip, a dichroic "
+        "reflector, a lens that bends red less.",
+        "In the wings of one band too bright where in those of another it is too dark, at the same angles.",
+        "Look at a white wall near the lamp: its edge is coloured. Measure the lamp in air in two bands.",
+        needs=("off_axis", "spectral"),
+    ),
+    Effect(
         "lamp_drift",
         "time",
         (

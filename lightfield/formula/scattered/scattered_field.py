@@ -32,6 +32,7 @@ from lightfield.formula.scattered.single import (
 )
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
+from lightfield.scene.lamp.colour import colour_by_colour
 from lightfield.scene.lamp.frame import (
     Direction,
     Point,
@@ -203,11 +204,14 @@ class ScatteredField:
         wavelengths_nm : sequence of float
             None: the middle of the first band.
         """
+        if scene.lamp.width_slope:
+            return colour_by_colour(scene, wavelengths_nm, self.light)
         return self.at(scene, *_coefficients(scene, wavelengths_nm))
 
     def in_waters(self, scenes: Sequence[Scene], wavelengths_nm: Sequence[float | None]) -> Array:
         """The same of scenes that differ by what absorbs and scatters alone, (n_scenes, n_wavelengths, n)."""
-        if len(set(map(molecular_share, scenes))) > 1:  # and by the phase function with it
+        # And where molecules scatter by the phase function, too.
+        if scenes[0].lamp.width_slope or len(set(map(molecular_share, scenes))) > 1:
             return np.stack([self.light(scene, wavelengths_nm) for scene in scenes])
         each = [_coefficients(scene, wavelengths_nm) for scene in scenes]
         a, b = (np.concatenate(v) for v in zip(*each, strict=True))

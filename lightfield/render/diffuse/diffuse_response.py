@@ -28,6 +28,7 @@ from lightfield.render.diffuse.traced import TracedWater
 from lightfield.render.reflected.reflected_light import ReflectedLight
 from lightfield.render.response.response import CLASSES, FROM_WALLS
 from lightfield.scene import Scene
+from lightfield.scene.lamp.colour import colour_by_colour
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import within_band
@@ -97,7 +98,7 @@ class DiffuseResponse:
         kinds : range
             Classes of light, see `light_classes`.
         """
-        return self._light(scene, *self._coefficients(scene.water, scene, wavelengths_nm), kinds)
+        return self.in_waters(scene, [scene.water], wavelengths_nm, kinds)[0]
 
     def in_waters(
         self,
@@ -107,6 +108,10 @@ class DiffuseResponse:
         kinds: range = EVERY_CLASS,
     ) -> Array:
         """The same in waters that differ by what absorbs and scatters, (n_waters, n_wavelengths, n)."""
+        if scene.lamp.width_slope:
+            return colour_by_colour(
+                scene, wavelengths_nm, lambda one, at: self.in_waters(one, waters, at, kinds)
+            )
         each = [self._coefficients(water, scene, wavelengths_nm) for water in waters]
         a, b = (np.concatenate(v) for v in zip(*each, strict=True))
         return self._light(scene, a, b, kinds).reshape(len(waters), len(wavelengths_nm), -1)

@@ -24,6 +24,7 @@ from lightfield.render.response.response import Reference
 from lightfield.render.settings import BY_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
+from lightfield.scene.lamp.colour import REFERENCE_NM, in_colour
 from lightfield.scene.lamp.frame import axis_at, beam_axes, from_source
 from lightfield.scene.lamp.width import half_width_rad
 from lightfield.scene.tank import walls_m
@@ -114,6 +115,7 @@ def traced_ratio(
     RenderError
         No photon was scattered to any of the places, or none can be.
     """
+    scene = in_colour(scene, REFERENCE_NM)  # beams of other colours have this ratio, too
     span, most = (float(z_m.min()), float(z_m.max())), _most(scene, x_m, y_m, z_m)
     black = scene
     if scene.tank is not None:

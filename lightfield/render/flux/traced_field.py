@@ -36,6 +36,7 @@ from lightfield.render.response.grid import Grid, reference_of
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, molecular_share
+from lightfield.scene.lamp.colour import in_colour
 from lightfield.scene.tank import walls_m
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 from lightfield.scene.water.hardening import hardening_depth
@@ -113,7 +114,7 @@ def traced_field(
         A region that is not all in the water in front of the lamp, or photons that no trace can have.
     """
     check_photons(photons)
-    scene, grid = lit(scene), region.grid()
+    scene, grid = in_colour(lit(scene), float(middles_nm(scene)[0].mean())), region.grid()
     _check(scene, region)
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "flux", **transport_key(scene, grid, chosen), "photons": photons, "seed": seed}

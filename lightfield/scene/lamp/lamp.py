@@ -61,6 +61,10 @@ class Lamp(Part):
         0.0, "1", "the beam is wider by this part towards +y, and narrower towards -y",
         SECTION, low=-0.6, high=0.6, neutral=0.0, later=True,
     )  # fmt: skip
+    width_slope: float = number(
+        0.0, "1", "kappa of the beam's width: its angles are (wavelength / 550 nm)^kappa times as large",
+        Acts.BEAM_COLOUR, low=-2.0, high=2.0, neutral=0.0, later=True,
+    )  # fmt: skip
     offset_x_m: float = number(0.0, "m", "lamp centre in x", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
     offset_y_m: float = number(0.0, "m", "lamp centre in y", Acts.SOURCE, low=-10.0, high=10.0, neutral=0.0)
     tilt_x_deg: float = number(
@@ -111,6 +115,10 @@ class Lamp(Part):
         "for profile table: CSV (angle_deg, intensity; phi_deg), IES LM-63 (.ies) or EULUMDAT (.ldt)",
         Acts.BEAM,
     )
+    table_width: float = number(
+        1.0, "1", "the beam of a table is so many times as wide as the table says",
+        Acts.BEAM, low=0.2, high=5.0, neutral=1.0, only_for=("profile", "table"), later=True,
+    )  # fmt: skip
     spectrum_table: TablePath | None = declare(
         None, "for spectrum table: CSV (wavelength_nm, power), any scale", Acts.POWER
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,12 @@ class BeamTable:
     def is_round(self) -> bool:
         """Is it the same all round its axis?"""
         return len(self.turn_rad) == 1
+
+    def wider(self, factor: float) -> BeamTable:
+        """The same at angles so many times as large."""
+        if factor == 1.0:
+            return self
+        return replace(self, angle_rad=factor * self.angle_rad, stated_rad=factor * self.stated_rad)
 
     @cached_property
     def mean(self) -> Array:

@@ -87,8 +87,10 @@ def width_towards(lamp: Lamp, theta_x_rad: Array, theta_y_rad: Array) -> Array:
 
 
 def table_of(lamp: Lamp) -> BeamTable | None:
-    """The measured beam; None of a lamp that is a formula."""
-    return beam_table(str(lamp.intensity_table)) if lamp.profile == "table" else None
+    """The measured beam, as wide as it is now; None of a lamp that is a formula."""
+    if lamp.profile != "table":
+        return None
+    return beam_table(str(lamp.intensity_table)).wider(lamp.table_width)
 
 
 def radial_intensity(lamp: Lamp, theta_squared: Array) -> Array:

@@ -40,6 +40,13 @@ def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
     return float(theta[i] + part * (theta[1] - theta[0]))
 
 
+def widened(lamp: Lamp, factor: float) -> Lamp:
+    """The lamp whose beam has all its angles from the axis so many times as large."""
+    angles = {name: factor * getattr(lamp, name) for name in ("hwhm_deg", "skirt_hwhm_deg", "table_width")}
+    departure = tuple((factor * angle, log) for angle, log in lamp.profile_departure)
+    return lamp.model_copy(update={**angles, "profile_departure": departure})
+
+
 def stated_width_deg(lamp: Lamp) -> float:
     """Half width of the beam where it is half as bright as where it is brightest, degrees.
 

@@ -28,6 +28,7 @@ from lightfield.render.response.response import Reference
 from lightfield.render.settings import CachedTracing
 from lightfield.scene import Detector, Scene
 from lightfield.scene.bands import first_band_w_per_sr, over_first_band
+from lightfield.scene.lamp.colour import in_colour
 from lightfield.scene.lamp.width import core_width_deg
 from lightfield.scene.water.coefficients import (
     absorption_per_m,
@@ -177,6 +178,7 @@ def _late_light(
 ) -> _Late:
     """Trace in the mean water of the light, weigh for its colours, and sort by delay."""
     zero = np.zeros(len(nodes_m))
+    water = in_colour(water, float(colours.mean(colours.wavelength_nm)))
     x, y = zero + water.lamp.offset_x_m, zero + water.lamp.offset_y_m
     width = core_width_deg(lit(water).lamp)
     grid = positions_grid(x, y, nodes_m, _CELL_M, width, None, detector=water.detector)

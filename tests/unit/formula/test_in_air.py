@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from perturbed import changed
@@ -46,7 +48,7 @@ def test_every_field_of_the_beam_is_as_wide_in_air_or_is_refused(path: str) -> N
         dry = direct_field(in_air(wet), *at)
     except SceneError as error:
         assert error.where == "lamp.window_index"
-        assert path in ("lamp.apparent_distance_m", "lamp.profile_departure")
+        assert path == "lamp.apparent_distance_m"
         return
     read = direct_field(wet, *at, medium=np.repeat("air", 4))
     assert dry == pytest.approx(1.34**2 * read, rel=1e-12)
@@ -59,12 +61,19 @@ def test_nothing_of_the_water_is_left() -> None:
     assert dry.tank is not None and dry.tank.wall_albedo == 0.1, "walls stay"
 
 
-def test_a_beam_that_a_window_would_bend_unknown() -> None:
+def test_tables_and_formulas_of_the_angle_are_as_wide_too(tmp_path: Path) -> None:
     own = {"name": "ring", "stage": "source", "formula": "1 + a*theta"}
     own["parameters"] = {"a": {"range": [0.0, 1.0], "neutral": 0.0, "value": 0.3}}
+    table = tmp_path / "beam.csv"
+    table.write_text("angle_deg,intensity\n0,1\n4,0.7\n9,0.1\n12,0\n")
     ring = Scene.model_validate(scene(window_index=1.34).model_dump() | {"effect": [own]})
-    with pytest.raises(SceneError, match="window_index"):
-        in_air(ring)
-    assert in_air(ring.with_values({"lamp.window_index": 1.0})).effect == ring.effect
+    tabulated = scene(window_index=1.34, profile="table", intensity_table=str(table))
+    at = np.array([0.0, 0.1, 0.3, -0.2]), np.array([0.0, 0.2, -0.1, 0.0]), np.array([2.0, 2.0, 2.0, 4.0])
+    for wet in (ring, tabulated):
+        read = direct_field(wet, *at, medium=np.repeat("air", 4))
+        assert direct_field(in_air(wet), *at) == pytest.approx(1.34**2 * read, rel=1e-3)
+
+
+def test_a_beam_that_a_window_would_bend_unknown() -> None:
     with pytest.raises(SceneError, match="window_index"):
         in_air(scene(window_index=1.34, apparent_distance_m=0.5))

@@ -37,6 +37,7 @@ from lightfield.scene.all_parameters import (
     without_effect,
 )
 from lightfield.scene.bands import middles_nm
+from lightfield.scene.lamp.colour import wider_in_colour
 from lightfield.scene.lamp.profile import effective_angles
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
@@ -129,6 +130,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.BEAM: _beam,
     Acts.SECTION: lambda s: effective_angles(s.lamp, np.cos(TURNS), np.sin(TURNS)),
     Acts.SOURCE: _source,
+    Acts.BEAM_COLOUR: lambda s: wider_in_colour(s.lamp, WAVELENGTHS),
     Acts.AIR: _air,
     Acts.ABSORPTION: lambda s: absorption_per_m(s.water, WAVELENGTHS),
     Acts.SCATTERING: lambda s: scattering_per_m(s.water, WAVELENGTHS),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,10 +82,16 @@ def test_what_is_not_followed_changes_the_light_as_the_response_says() -> None:
 
 
 @pytest.mark.parametrize("path", [p for p in paths_on(Acts.BEAM | Acts.RECEIVER) if p in NEUTRAL])
-def test_every_effect_of_beam_and_receiver_is_followed_or_left_to_the_response(path: str) -> None:
+def test_every_effect_of_beam_and_receiver_is_followed_or_left_to_the_response(
+    path: str, tmp_path: Path
+) -> None:
     """What is followed changes the light that is known; of what is not there is a plain scene that is."""
     skirt = {"lamp.profile": "two-component", "lamp.skirt_fraction": 0.1}
     base = SCENE.with_values(skirt) if "skirt" in path else SCENE
+    if path == "lamp.table_width":
+        (tmp_path / "beam.csv").write_text("angle_deg,intensity\n0,1\n5,0.5\n12,0.05\n20,0\n")
+        table = {"lamp.profile": "table", "lamp.intensity_table": str(tmp_path / "beam.csv")}
+        base = SCENE.with_values(table)
     scene = changed(base, path)
     if describes(scene):
         known = ScatteredField(*PLACES)
