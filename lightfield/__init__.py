@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from lightfield.api.regime import Regime, regime
     from lightfield.api.result import Result
     from lightfield.api.sweep import Sweep, sweep
-    from lightfield.api.working_range import Range, range  # noqa: F401
+    from lightfield.api.working_range import Range
+    from lightfield.api.working_range import range as range
     from lightfield.errors import LightfieldError
     from lightfield.readings import Readings
     from lightfield.scene import Scene

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -147,5 +147,10 @@ def sweep(
 def _axis(path: str, values: str | Sequence[Any]) -> Axis:
     if isinstance(values, str):
         return parse_axis(f"{path}={values}", "vary")
+    if not isinstance(values, Iterable) or isinstance(values, Mapping):
+        raise UsageError(
+            "not a range", where=f"vary {path}", found=values, rule=f"{FORMS}, or a list of values",
+            remedy=f"for one value [{values}], or set it in the scene",
+        )  # fmt: skip
     steps = [v.item() if isinstance(v, np.generic) else v for v in values]
     return axis_of(path, {path: steps}, f"vary {path}")

@@ -11,11 +11,10 @@ from lightfield.commands.shared.options import add_option
 from lightfield.commands.shared.tracing import add_tracing_arguments, as_text, traced
 from lightfield.errors import UsageError
 from lightfield.render.at_readings import render_positions
+from lightfield.render.limits import MOST_WAVELENGTHS, check_wavelengths
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
-
-MOST_WAVELENGTHS = 2000  # one map each
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -82,7 +81,7 @@ def wavelengths_of(text: str) -> np.ndarray:
             if not step > 0:
                 raise ValueError
             steps = np.floor((high - low) / step + 1e-9)
-            found = low + step * np.arange(int(np.clip(steps, 0, MOST_WAVELENGTHS)) + 1)
+            found = low + step * np.arange(int(np.clip(steps, -1, MOST_WAVELENGTHS)) + 1)
         else:
             found = np.array([float(part) for part in text.split(",")])
     except ValueError:
@@ -93,13 +92,5 @@ def wavelengths_of(text: str) -> np.ndarray:
             rule="500,525,550 or from:to:step in nm",
             remedy="for example --wavelengths 500:550:5",
         ) from None
-    rising = found.size > 0 and bool((np.diff(found) > 0).all())
-    inside = rising and bool(np.isfinite(found).all()) and found[0] >= 200 and found[-1] <= 2000
-    if not inside or found.size > MOST_WAVELENGTHS:
-        raise UsageError(
-            "impossible wavelengths",
-            where="--wavelengths",
-            found=text,
-            rule=f"rising, from 200 to 2000 nm, at most {MOST_WAVELENGTHS}",
-        )
+    check_wavelengths(found.tolist(), "--wavelengths", text)
     return found

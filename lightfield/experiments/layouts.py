@@ -96,7 +96,8 @@ def layout_named(name: str | PathLike[str] | None, scene: Scene) -> str | Readin
 
 
 def places_of(table: Readings) -> dict[str, Array]:
-    """Where a table is read, in its order; several wavelengths at one place are one reading.
+    """Where a table is read, in its order, and when, if it says so of every row; several wavelengths at one
+    place are one reading.
 
     A place is visited as often as one of its wavelengths stands there.
     """
@@ -106,6 +107,8 @@ def places_of(table: Readings) -> dict[str, Array]:
     for row, (place, colour) in enumerate(zip(places, np.nan_to_num(table.wavelength_nm), strict=True)):
         times[place, colour] += 1
         visits.setdefault((place, times[place, colour]), row)
+    if np.isfinite(table.time_s).all():
+        columns["time_s"] = table.time_s
     return {name: column[list(visits.values())] for name, column in columns.items()}
 
 
@@ -121,22 +124,26 @@ def table_at(
     Parameters
     ----------
     places : mapping of arrays, shape (n,)
-        x_m, y_m, z_m, medium.
+        x_m, y_m, z_m, medium; time_s where it is known.
     wavelengths_nm : sequence of float
         NaN: the scene's band.
     order : "random", "plane" or "rows"
-        "plane": as the places are listed; "rows": so too, but every other row along x backwards.
+        "plane": as the places are listed; "rows": so too, but every other row along x backwards. "random"
+        is that of the times which are known.
     """
     n, colours = len(places["x_m"]), len(wavelengths_nm)
     sequence = rng.permutation(n) if order == "random" else np.arange(n)
     if order == "rows":
         sequence = _to_and_fro(places)
+    time = SECONDS_PER_READING * sequence
+    if order == "random" and "time_s" in places:
+        time = places["time_s"]
     bare = Readings.from_arrays(
-        **{name: np.repeat(column, colours) for name, column in places.items()},
+        **{name: np.repeat(column, colours) for name, column in places.items() if name != "time_s"},
         value=np.ones(n * colours),
         stderr=np.full(n * colours, np.nan),
         wavelength_nm=np.tile(wavelengths_nm, n),
-        time_s=SECONDS_PER_READING * np.repeat(sequence, colours),
+        time_s=np.repeat(time, colours),
         quantity=scene.detector.quantity,
     )
     return bare.check_against(scene)

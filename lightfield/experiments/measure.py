@@ -14,6 +14,7 @@ from lightfield.formula.closed_form import direct_field
 from lightfield.formula.own_formulas import lit
 from lightfield.formula.scattered.scattered_field import ScatteredField, describes
 from lightfield.readings import Readings
+from lightfield.readings.blindness import load_warnings
 from lightfield.render.at_readings import rendered_light
 from lightfield.render.limits import MADE_PHOTONS
 from lightfield.scene import Scene
@@ -187,7 +188,8 @@ def measure(
     error = _in_sigma(instrument, layout, rng)
     quoted = sigma * np.sqrt(rng.chisquare(SAMPLES - 1, n) / (SAMPLES - 1))
     stderr = np.sqrt(quoted**2 + (light.relative_error * shown) ** 2 + (layout.common * shown) ** 2)
-    return replace(table, value=shown + sigma * error, stderr=stderr), clean
+    made = replace(table, value=shown + sigma * error, stderr=stderr, warnings=())
+    return replace(made, warnings=tuple(load_warnings(made))), clean
 
 
 def _noise_free(truth: Scene, table: Readings, bright: Array) -> Array:

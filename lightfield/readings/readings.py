@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,6 +48,13 @@ class Readings(Unchecked):
             name: np.array([str(cell) for cell in np.broadcast_to(np.asarray(cells), (size,))], dtype=np.str_)
             for name, cells in dict(given.pop("extra", {})).items()
         }
+        if unknown := sorted(set(given) - {field.name for field in fields(Unchecked)}):
+            raise MeasurementError(
+                "a reading table has no such column",
+                found=", ".join(unknown),
+                rule=", ".join((*COLUMNS, *TERMS)),
+                remedy="columns of your own go into extra = {name: values}",
+            )
         readings = cls(**columns, budget=budget, extra=extra, **given)
         check_values(readings)
         readings = readings.saturated_by_level()

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from numbers import Real
 
-from lightfield.errors import RenderError
+from lightfield.errors import RenderError, UsageError
 
 
 class Allowed:
@@ -45,6 +47,24 @@ def check_rel_error(value: object) -> None:
 def check_photons(value: object) -> None:
     """Refuse a number of photons that no trace can have, with a `RenderError`."""
     _check("max_photons", "photon budget", value, PHOTONS, "try 1e8")
+
+
+#: Wavelengths of which there can be maps, nm, and how many.
+WAVELENGTHS_NM, MOST_WAVELENGTHS = Allowed("200", "2000"), 2000
+
+
+def check_wavelengths(wavelengths_nm: Sequence[float], where: str, found: object) -> None:
+    """Refuse wavelengths of which there are no maps, with a `UsageError`."""
+    count = len(wavelengths_nm)
+    rising = all(one < other for one, other in pairwise(wavelengths_nm))
+    if not (0 < count <= MOST_WAVELENGTHS and rising and all(map(WAVELENGTHS_NM.holds, wavelengths_nm))):
+        raise UsageError(
+            "impossible wavelengths",
+            where=where,
+            found=found,
+            rule=f"rising, from {WAVELENGTHS_NM.rule} nm, at most {MOST_WAVELENGTHS}",
+            remedy="for example 500, 525, 550",
+        )
 
 
 def _check(name: str, what: str, value: object, limit: Allowed, remedy: str) -> None:

@@ -96,15 +96,26 @@ def span(start: float, stop: float, count: int, scale: str = "linear", where: st
         An impossible range.
     """
     if scale not in ("linear", "log"):
-        raise UsageError("unknown scale", where=where, found=scale, rule="linear or log")
+        raise UsageError(
+            "unknown scale", where=where, found=scale, rule="linear or log", remedy="leave it out, or say log"
+        )
     if not 1 <= count <= 100_000 or (count == 1 and start != stop):
         raise UsageError(
-            "impossible count", where=where, found=count, rule="2 to 100000 values between two ends"
+            "impossible count",
+            where=where,
+            found=count,
+            rule="2 to 100000 values between two ends",
+            remedy="give another count, or the one value alone",
         )
     if not (math.isfinite(start) and math.isfinite(stop)):
-        raise UsageError("not a range", where=where, found=f"{start}:{stop}", rule="finite ends")
+        raise UsageError(
+            "not a range", where=where, found=f"{start}:{stop}", rule="finite ends", remedy="give two numbers"
+        )
     if scale == "log" and not (start > 0 and stop > 0):
-        raise UsageError("not a log range", where=where, found=f"{start}:{stop}", rule="both ends above 0")
+        raise UsageError(
+            "not a log range", where=where, found=f"{start}:{stop}", rule="both ends above 0",
+            remedy="begin above 0, or leave out log",
+        )  # fmt: skip
     steps = np.geomspace(start, stop, count) if scale == "log" else np.linspace(start, stop, count)
     # Twelve digits: 0.30000000000000004 would be an ugly coordinate.
     return [float(f"{value:.12g}") for value in steps]
@@ -184,7 +195,10 @@ def axis_of(name: str, values: Mapping[str, Any], where: str) -> Axis:
     lengths = {len(v) if isinstance(v, list) else 0 for v in values.values()}
     if len(lengths) != 1 or 0 in lengths:
         raise UsageError(
-            "lists of unequal length, or none", where=where, rule="one value per step for every path"
+            "lists of unequal length, or none",
+            where=where,
+            rule="one value per step for every path",
+            remedy="give every path a list of as many values",
         )
     steps = [_hashable(list(step)) for step in zip(*values.values(), strict=True)]
     if len(set(steps)) < len(steps):
@@ -225,7 +239,12 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
     # Names of coordinates: of paths, and of axes that set several.
     names = [name for axis in axes for name in {axis.name, *axis.values}]
     for double in sorted({name for name in names if names.count(name) > 1}):
-        raise UsageError("varied twice", found=double, rule="one axis per parameter")
+        raise UsageError(
+            "varied twice",
+            found=double,
+            rule="one axis per parameter",
+            remedy="write all its values into one",
+        )
     compound = [path for path in paths if path in COMPOUND]
     for path in paths:
         if compound and path in COMPOUND_SETS:
@@ -263,20 +282,35 @@ def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:
-    """One step at least must work with the scene as it is; another may need what a second axis sets."""
+    """One step at least must work with the scene as it is; another may need what a second axis sets, but not
+    a value that no scene has."""
     problem: LightfieldError | None = None
+    works = False
     for step in range(axis.size):
+        values = axis.at(step).values()
+        if works and not any(isinstance(value, str) for value in values):
+            continue  # ranges of numbers are checked before
         try:
             apply(scene, axis.at(step))
-            return
+            works = True
         except LightfieldError as error:
+            if any(_is_about(error, value) for value in values):
+                raise
             problem = problem or error
-    if problem is not None:
+    if problem is not None and not works:
         raise problem
 
 
+def _is_about(error: LightfieldError, value: Any) -> bool:
+    """Does it name a word itself, and not what has to go with it?"""
+    found = error.found.values() if isinstance(error.found, dict) else (error.found,)
+    return isinstance(value, str) and value in found
+
+
 def _as_declared(scene: Scene, path: str, value: Any) -> Any:
-    """Floats for numbers, whole numbers where the parameter is one."""
+    """Floats for numbers, whole numbers where the parameter is one, tuples for lists."""
+    if isinstance(value, list | tuple):
+        return tuple(_as_declared(scene, path, part) for part in value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
     current = None if path in COMPOUND else scene.get(path)

@@ -70,7 +70,7 @@ def verify(path: str | Path) -> Soundness:
         raise OutputError(
             "this store has no journal, so nothing tells whether its numbers are right", where=str(path),
             rule=f"{journal.NAME} has a digest of every file",
-            remedy="copy the store with its hidden folder, or run its sweep again",
+            remedy="copy the store with its hidden folder, or run its sweep into another one",
         )  # fmt: skip
     for _ in range(2):  # a sweep that runs may write between the first reading of the journal and of a file
         entries, lost = journal.journal_entries(store)
@@ -88,11 +88,14 @@ def verify(path: str | Path) -> Soundness:
             files = {name for entry in entries for name in entry.get("files", {})}
             return Soundness(len(files), len(blocks), bool(expected))
     raise OutputError(
-        f"{len(problems)} files of this store are damaged or missing",
+        f"{len(problems)} file{'s' * (len(problems) > 1)} of this store damaged or missing",
         where=str(path),
         rule="every file has the digest that the journal noted",
         remedy="run its sweep again: it makes the damage good",
-        problems=[Complaint("not as it was written", where=name) for name in problems],
+        problems=[
+            Complaint("not as it was written" if (store / name).exists() else "missing", where=name)
+            for name in problems
+        ],
     )
 
 
@@ -167,7 +170,13 @@ def chosen_cases(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
         name, equals, value = (part.strip() for part in text.partition("="))
         names = [*axes_of(data), "z_m", "wavelength_nm"]
         if not equals or not value:
-            raise UsageError("not a case", where="case", found=text, rule="PATH=VALUE")
+            raise UsageError(
+                "not a case",
+                where="case",
+                found=text,
+                rule="PATH=VALUE",
+                remedy=f"for example {names[0]}=VALUE",
+            )
         if name not in data.dims:
             raise UsageError(
                 f"{name} is no dimension of this sweep", where="case", remedy=nearest_keys(name, names)
@@ -194,10 +203,18 @@ def step_of(steps: np.ndarray, name: str, value: str) -> int:
             if len(meant) == 1:
                 return meant[0]
         several = ", ".join(f"{step:g}" for step in steps[:_SHOWN]) + (", ..." if len(steps) > _SHOWN else "")
-        raise UsageError("no such value", where=f"case {name}", found=value, rule=several)
+        raise UsageError(
+            "no such value", where=f"case {name}", found=value, rule=several, remedy="choose one of these"
+        )
     known = [str(step) for step in steps]
     if value not in known:
-        raise UsageError("no such value", where=f"case {name}", found=value, rule=", ".join(known))
+        raise UsageError(
+            "no such value",
+            where=f"case {name}",
+            found=value,
+            rule=", ".join(known),
+            remedy="choose one of these",
+        )
     return known.index(value)
 
 

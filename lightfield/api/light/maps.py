@@ -16,7 +16,7 @@ from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
 from lightfield.render.at_readings import render_positions
-from lightfield.render.limits import OF_MAPS
+from lightfield.render.limits import OF_MAPS, check_wavelengths
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.wording import plain
@@ -166,6 +166,8 @@ def render(
         Nothing to render on.
     """
     known = scene_of(scene)
+    if wavelengths is not None:
+        check_wavelengths(np.asarray(wavelengths, float).tolist(), "wavelengths", wavelengths)
     single = known.detector.positions_m is not None
     made = (render_positions if single else render_scene)(
         known, rel_error=rel_error, max_photons=max_photons, seed=seed, cache=cache

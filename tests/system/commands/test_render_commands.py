@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from lightfield.api.light.maps import render
 from lightfield.cli import main
+from lightfield.errors import LightfieldError
 from lightfield.maps.dataset import read_netcdf
 from lightfield.maps.exr import read_spectral_exr
 from lightfield.render.backend import use_backend
@@ -163,6 +165,16 @@ def test_wavelengths_of_the_command_line(scene, tmp_path):
     assert main(args) == 0
     np.testing.assert_array_equal(read_netcdf(out / "maps.nc").wavelength_nm, [450, 550, 650])
     assert [p.name for p in out.iterdir()] == ["maps.nc"]
+
+
+@pytest.mark.parametrize("asked", ["500:400:10", "500,400", "-1", "100:300:10"])
+def test_wavelengths_of_which_there_are_no_maps(asked, scene, capsys):
+    """Refused alike by the command and from Python; of a falling range the first alone was rendered."""
+    assert main(["render", scene(), "--wavelengths", asked]) == 2
+    assert "impossible wavelengths" in capsys.readouterr().err
+    if ":" not in asked:
+        with pytest.raises(LightfieldError, match="impossible wavelengths"):
+            render(scene(), wavelengths=[float(w) for w in asked.split(",")])
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -122,3 +122,10 @@ def test_a_type_under_another_name_is_checked_too() -> None:
 def test_a_seed_is_held_to_one_range_everywhere(function: Any, seed: object) -> None:
     with pytest.raises(lf.LightfieldError, match=r"seed: not what this argument takes"):
         function(lf.Scene(), seed=seed)
+
+
+def test_a_range_that_is_no_list_and_a_column_that_there_is_not() -> None:
+    with pytest.raises(lf.LightfieldError, match="not a range"):
+        lf.sweep(lf.Scene(), {"water.absorption_per_m": 0.1}, "nowhere.zarr")
+    with pytest.raises(lf.LightfieldError, match="no such column; found 'temperature'"):
+        lf.Readings.from_arrays(z_m=[1.0, 2.0], value=[2.0, 1.0], temperature=20.0)

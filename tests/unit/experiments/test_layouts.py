@@ -75,3 +75,13 @@ def test_every_other_row_is_read_from_its_other_end() -> None:
     x = table.x_m[np.argsort(table.time_s)].reshape(-1, 7)
     assert (np.diff(x[::2], axis=1) > 0).all() and (np.diff(x[1::2], axis=1) < 0).all()
     assert (np.diff(table.z_m[np.argsort(table.time_s)]) >= 0).all()
+
+
+def test_places_with_times_keep_them() -> None:
+    """A rehearsal is of the drift that the plan was made for; another order is another rehearsal."""
+    listed = Readings.from_arrays(
+        x_m=[0.0, 0.1, 0.2], z_m=[2.0, 2.0, 3.0], value=np.ones(3), time_s=[60.0, 0.0, 30.0]
+    )
+    rng = np.random.default_rng(0)
+    assert scan(Scene(), listed, "random", rng).time_s.tolist() == [60.0, 0.0, 30.0]
+    assert scan(Scene(), listed, "plane", rng).time_s.tolist() == [0.0, 20.0, 40.0]

@@ -9,6 +9,7 @@ from lightfield.experiments.layouts import scan
 from lightfield.experiments.measure import Instrument, LightAtReadings, in_doubt, measure
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
+from lightfield.readings.load_warning import Remarks
 from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
 
@@ -38,6 +39,7 @@ def test_what_the_render_does_not_know_is_stated_with_the_readings() -> None:
     unsure, _ = measure(scene, table, guessed, instrument, np.random.default_rng(1))
     assert (known.relative_error == 0).all() and guessed.relative_error == pytest.approx(0.01)
     assert unsure.value == pytest.approx(sure.value)
+    assert not [w for w in sure.warnings if w.code is Remarks.NO_STDERR], "of the table without values"
     assert np.sqrt(unsure.stderr**2 - sure.stderr**2) == pytest.approx(0.01 * clean, rel=1e-6)
 
 

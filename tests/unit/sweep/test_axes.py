@@ -164,3 +164,13 @@ def test_a_wrong_plan_file_names_file_and_table(tmp_path: Path, text: str, says:
 def test_a_missing_plan_file_is_an_error_of_one_line(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot read the sweep plan"):
         read_plan(tmp_path / "none.toml")
+
+
+def test_a_word_that_no_scene_has_is_refused_before_anything_is_traced() -> None:
+    """And not, beside others that work, when its case is evaluated."""
+    with pytest.raises(LightfieldError, match="gausian"):
+        checked_axes([parse_axis("lamp.profile=gaussian,gausian")], Scene())
+    with pytest.raises(LightfieldError, match="jerlov-9"):
+        checked_axes([parse_axis("water.base=pure,jerlov-9")], Scene())
+    # What another axis may yet give is no such word.
+    assert checked_axes([parse_axis("lamp.profile=gaussian,table")], Scene())[0].size == 2
