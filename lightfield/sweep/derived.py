@@ -6,15 +6,22 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil, hypot, isqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.formula.closed_form import lamps_of_window, light_of_point, optical_depth, rays
+from lightfield.formula.closed_form import (
+    direct_field,
+    lamps_of_window,
+    light_of_point,
+    optical_depth,
+    rays,
+)
 from lightfield.formula.own_formulas import factor, has_colours_of_its_own, lit
 from lightfield.maps.cells import along_a_side, axis_cells, cell_mean
+from lightfield.maps.sharper import itself, without_cells
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
 from lightfield.render.response.grid import Grid, cell_centres
 from lightfield.scene import Lamp, Scene, Water
@@ -86,6 +93,51 @@ class GridFormula:
         return len(self.finer.x_m) // len(self.grid.x_m)
 
 
+class FormulaAtPlaces(NamedTuple):
+    """The closed-form model itself, without cells.
+
+    Parameters
+    ----------
+    axis : array, shape (n_bands, n_planes), unit of the maps
+        On the lamp's axis.
+    widths_m : two arrays, shape (n_planes,)
+        Half widths of straight light in clear water: found on cells, and of it itself. NaN: not measured.
+    """
+
+    axis: Array
+    widths_m: tuple[Array, Array]
+
+
+def at_places(scene: Scene, z_m: Array, widths_m: tuple[Array, Array]) -> FormulaAtPlaces:
+    """The closed-form model of a scene where its axis meets the planes, and widths as they are given."""
+    x, y = axis_at(lit(scene).lamp, z_m)
+    spectrum = over_bands(scene)
+    light = np.zeros((len(spectrum.intensity), len(z_m)))
+    for total, band, power in zip(light, *spectrum, strict=True):
+        for w, intensity in zip(band, power, strict=True):
+            total += intensity / len(band) * direct_field(scene, x, y, z_m, np.full(len(z_m), w))
+    return FormulaAtPlaces(light, widths_m)
+
+
+def straight_widths_m(scene: Scene, grid: Grid) -> tuple[Array, Array]:
+    """Half widths of straight light in clear water, on cells and itself, m, each of shape (n_planes,)."""
+    clear, planes = scene.model_copy(update={"water": Water()}), (len(grid.z_m),)
+    on_cells, sharp = np.full(planes, np.nan), np.full(planes, np.nan)
+    cells = (grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m)
+    pitch, count = max(grid.pitch_x_m, grid.pitch_y_m), len(grid.x_m) * len(grid.y_m)
+    for k, z in enumerate(grid.z_m.tolist()):
+
+        def field(x: Array, y: Array, z: float = z) -> Array:
+            return direct_field(clear, x, y, np.full_like(x, z))
+
+        spot = spot_shape(
+            cell_mean(field, *cells, along_a_side(lit(clear), z, pitch, count)), grid.x_m, grid.y_m
+        )
+        if not spot.problem and not (found := itself(field, spot)).problem:
+            on_cells[k], sharp[k] = spot.hwhm_m, found.hwhm_m
+    return on_cells, sharp
+
+
 def _in_parts(grid: Grid, lamp: Lamp) -> Grid:
     """Parts of the cells, to the sides of which ways from the lamp are as good as one."""
     most = isqrt(max(_MOST_PARTS // (len(grid.x_m) * len(grid.y_m)), 1))
@@ -132,6 +184,7 @@ def derive(
     grid: Grid,
     lamp: Lamp,
     merged: NDArray[np.integer[Any]] | None = None,
+    places: FormulaAtPlaces | None = None,
 ) -> dict[str, Array]:
     """Derived quantities of one case.
 
@@ -145,6 +198,8 @@ def derive(
         Its axis is meant by "on the axis": NaN on planes that it does not meet.
     merged : array of int, shape (n_planes, n_y, n_x), optional
         Cells of the same number are mirror images that share one error.
+    places : FormulaAtPlaces, optional
+        The formula itself: what is told of the axis and of widths is then without what cells make of it.
 
     Returns
     -------
@@ -155,13 +210,17 @@ def derive(
     # An error that k cells share counts k times over in a sum, and not as the root of k.
     images = 1.0 if merged is None else np.bincount(merged.ravel())[merged]
     known = np.where(np.isfinite(stderr), stderr, 0.0) * np.sqrt(images)
-    axis = _mean_of(mean, near)
+    axis, model = _mean_of(mean, near), None if formula is None else _mean_of(formula, near)
+    if places is not None and model is not None:
+        axis, model = axis + np.where(axis > 0, places.axis - model, 0.0), places.axis
     axis_error = np.sqrt(_mean_of(images * stderr**2, near) / np.maximum(near.sum((-2, -1)), 1))
     area = grid.pitch_x_m * grid.pitch_y_m
     power, power_error = np.nansum(mean, (-2, -1)) * area, np.sqrt((known**2).sum((-2, -1))) * area
-    width, width_error = np.full(axis.shape, np.nan), np.full(axis.shape, np.nan)
-    for at in np.ndindex(axis.shape):
-        width[at], width_error[at] = half_width(mean[at], known[at], grid)
+    spots = [half_width(mean[at], known[at], grid) for at in np.ndindex(axis.shape)]
+    width, width_error, together = (v.reshape(axis.shape) for v in np.array(spots).T)
+    if places is not None:
+        on_cells, width = width, without_cells(width, *places.widths_m, together)
+        width_error = width_error * on_cells / width
     result = {
         "on_axis": axis,
         "on_axis_stderr": axis_error,
@@ -170,13 +229,13 @@ def derive(
         "half_width": width,
         "half_width_stderr": width_error,
     }
-    if formula is not None:
+    if formula is not None and model is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
-            for name, model, render, error in (
-                ("axis", _mean_of(formula, near), axis, axis_error),
+            for name, told, render, error in (
+                ("axis", model, axis, axis_error),
                 ("power", np.sum(formula, (-2, -1), where=~np.isnan(mean)) * area, power, power_error),
             ):
-                ratio = np.where(render > 0, model / render, np.nan)
+                ratio = np.where(render > 0, told / render, np.nan)
                 result[f"formula_error_{name}"] = ratio - 1
                 result[f"formula_error_{name}_stderr"] = np.where(render > 0, ratio * error / render, np.nan)
     return result
@@ -198,8 +257,17 @@ def _mean_of(values: Array, cells: NDArray[np.bool_]) -> Array:
         return np.asarray(np.where(cells, values, 0.0).sum((-2, -1)) / cells.sum((-2, -1)))
 
 
-def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
-    """Half width at half maximum of a spot (geometric mean of x and y) and its standard error; NaN: none.
+class HalfWidth(NamedTuple):
+    """Half width at half maximum of a spot (geometric mean of x and y) and its standard error, m; NaN: none.
+    And how many cells along each side were taken together."""
+
+    m: float
+    stderr_m: float
+    together: int = 1
+
+
+def half_width(value: Array, stderr: Array, grid: Grid) -> HalfWidth:
+    """Half width of a spot.
 
     Parameters
     ----------
@@ -209,7 +277,7 @@ def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
     brightest = np.nanmax(value)
     bright = value > 0.5 * brightest
     if not bright.any() or brightest <= 0:
-        return float("nan"), float("nan")
+        return HalfWidth(float("nan"), float("nan"))
     noise = float(np.median(stderr[bright] / value[bright]))
     # The spot is found on cells that are known to 2 %: noise of more than that bends its contour and its top.
     cells = np.sqrt(np.count_nonzero(bright) / np.pi)  # in a half width
@@ -218,8 +286,8 @@ def half_width(value: Array, stderr: Array, grid: Grid) -> tuple[float, float]:
     x_m, y_m = (_coarse(c[None, :].repeat(n, 0), n)[0] for c in (grid.x_m, grid.y_m))
     spot = spot_shape(value, x_m, y_m)
     if spot.problem:
-        return float("nan"), float("nan")
-    return spot.hwhm_m, _half_width_stderr(spot, value, np.sqrt(variance) / n, x_m, y_m)
+        return HalfWidth(float("nan"), float("nan"))
+    return HalfWidth(spot.hwhm_m, _half_width_stderr(spot, value, np.sqrt(variance) / n, x_m, y_m), n)
 
 
 def _half_width_stderr(spot: Spot, value: Array, stderr: Array, x_m: Array, y_m: Array) -> float:

@@ -22,7 +22,7 @@ from lightfield.formula.own_formulas import has_own_straight_light, lit
 from lightfield.progress import Listener, heard_by
 from lightfield.render.backend import THREADS_VARIABLE, limited_threads
 from lightfield.render.maps import TracedMaps, in_its_colours, render_scene
-from lightfield.render.response.grid import scene_grid
+from lightfield.render.response.grid import Grid, scene_grid
 from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.response.response_cache import is_damage, read_arrays, write_arrays
 from lightfield.render.settings import Settings
@@ -35,7 +35,7 @@ from lightfield.scene.water.coefficients import coefficients_in, is_grey
 from lightfield.storage.tables import kept_by_tables
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
-from lightfield.sweep.derived import GridFormula, derive
+from lightfield.sweep.derived import FormulaAtPlaces, GridFormula, at_places, derive, straight_widths_m
 from lightfield.sweep.schema import derived_variables, quantity_of
 from lightfield.sweep.sharing import Trace
 from lightfield.sweep.store import trace_file
@@ -45,6 +45,7 @@ from lightfield.sweep.zarrfile import Variable
 EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
 TELL_EVERY_S = 1.0
 _GEOMETRY = TRACED | Acts.PLACES
+_Geometry = tuple[GridFormula | None, tuple[np.ndarray, np.ndarray]]
 # One thread at a time computes: Dr.Jit's state is the process's, and two responses need twice the memory.
 _busy = threading.Lock()
 
@@ -200,11 +201,11 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
                 grid = scene_grid(scene)
                 mean, stderr = grid.in_water(mean), grid.in_water(stderr)
                 try:
-                    formula = _formula(scene)
+                    formula, places = _formula(scene, grid)
                 except LightfieldError as error:
                     failed[int(block.cases[i])] = one_line(error)[:240]
                     continue
-                found = derive(mean, stderr, formula, grid, scene.lamp, response.merged)
+                found = derive(mean, stderr, formula, grid, scene.lamp, response.merged, places)
                 if target.quantity in results:
                     results[target.quantity][i], results[f"{target.quantity}_stderr"][i] = mean, stderr
                 for name, key in target.derived.items():
@@ -321,20 +322,24 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
     return scenes
 
 
-def _formula(scene: Scene) -> np.ndarray | None:
-    """Maps of the formula, shape (n_bands, n_planes, n_y, n_x); None where it has none."""
-    formula = (
-        GridFormula.of(scene, scene_grid(scene))
-        if has_own_straight_light(scene)
-        else _geometry(only(scene, _GEOMETRY))
-    )
-    return None if formula is None else formula.bands(scene)
+def _formula(scene: Scene, grid: Grid) -> tuple[np.ndarray | None, FormulaAtPlaces | None]:
+    """Maps of the formula, shape (n_bands, n_planes, n_y, n_x), and it itself; None where it has none."""
+    own = has_own_straight_light(scene)
+    formula, widths = _worked_out(scene) if own else _geometry(only(scene, _GEOMETRY))
+    if formula is None:
+        return None, None
+    return formula.bands(scene), at_places(scene, grid.z_m, widths)
 
 
-@kept_by_tables(4)
-def _geometry(scene: Scene) -> GridFormula | None:
-    """Geometry of the formula in a scene of lamp, tank and detector alone, remembered for the next case."""
-    return GridFormula.of(scene, scene_grid(scene))
+def _worked_out(scene: Scene) -> _Geometry:
+    """Geometry of the formula, and half widths of straight light."""
+    grid = scene_grid(scene)
+    formula = GridFormula.of(scene, grid)
+    return formula, (np.empty(0),) * 2 if formula is None else straight_widths_m(scene, grid)
+
+
+#: The same of a scene of lamp, tank and detector alone, remembered for the next case.
+_geometry = kept_by_tables(4)(_worked_out)
 
 
 # -- responses on disk -------------------------------------------------------------------------------

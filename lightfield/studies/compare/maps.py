@@ -7,8 +7,9 @@ The render is the reference, so every relative error is (formula - render) / ren
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,6 +20,7 @@ from lightfield.errors import UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.formula.own_formulas import lit
 from lightfield.maps.cells import along_a_side, cell_mean, pitch_m
+from lightfield.maps.sharper import Field, itself, sharpened
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
 from lightfield.scene.bands import BandLight, at_wavelengths, over_band
@@ -31,6 +33,7 @@ from lightfield.studies.compare.rings import (
     SIGMAS,
     WITHIN,
     Profile,
+    Within,
     excess,
     known_error,
     meets,
@@ -48,24 +51,6 @@ Formula = Callable[[Scene, Array, Array, Array, BandLight], Array]
 _BETWEEN = 2
 
 
-class Within(NamedTuple):
-    """Up to where the formula is within a relative error, and from where on it is not.
-
-    Parameters
-    ----------
-    radius_m : float, m
-        Every ring up to there is known to be; infinite where all are; NaN where nothing is known, or lit.
-    beyond_m : float, m
-        The first ring that is known not to be; NaN where none is.
-    is_left : bool
-        Hardly a ring lies between: what is not within is beyond.
-    """
-
-    radius_m: float
-    beyond_m: float
-    is_left: bool
-
-
 @dataclass(frozen=True)
 class PlaneComparison:
     """One plane at one wavelength.
@@ -77,7 +62,9 @@ class PlaneComparison:
     render, stderr, formula : arrays, shape (n_y, n_x), unit of the comparison
         The formula is averaged over each cell, as the render is. NaN in cells outside the tank.
     axis_m : (float, float), m: where the lamp's axis meets the plane
-    axis : Profile of one ring: the cells there; NaN where the axis misses the plane
+    axis : Profile of one ring: of the place itself, by the cells there; NaN where the axis misses the plane
+    render_spot, formula_spot : Spot
+        Without what cells add to their widths.
     lost, lost_stderr : float
         Part of the light on the plane that the formula lacks (negative: it has too much).
     """
@@ -165,6 +152,15 @@ class PlaneComparison:
         beyond = float(r[off[0]]) if off.size else nan
         is_left = bool(off.size) and int(off[0]) - first <= _BETWEEN
         return Within(radius if first or is_left else nan, beyond, is_left)
+
+    def sharpened(self, field: Field) -> PlaneComparison:
+        """The same, axis and widths without what cells make of them: by the formula at places."""
+        sharp = itself(field, self.formula_spot)
+        there = field(*(np.array([at]) for at in self.axis_m)) + 0 * self.axis.formula
+        more = np.where(self.axis.render > 0, there - self.axis.formula, 0.0)
+        axis = replace(self.axis, render=self.axis.render + more, formula=there)
+        spot = sharpened(self.render_spot, self.formula_spot, sharp)
+        return replace(self, axis=axis, render_spot=spot, formula_spot=sharp)
 
     def as_data(self) -> dict[str, Any]:
         """Plain numbers for JSON and tables; what is unknown is None."""
@@ -264,13 +260,15 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
             low, high = dataset["wavelength_bounds_nm"].values[index] + scene.detector.wavelength_shift_nm
             spectrum = over_band(scene.lamp, low, high, scene.detector)
         for number, z in enumerate(dataset.z_m.values.astype(float)):
+            field = partial(_on_a_plane, formula, scene, z, spectrum)
             expected = on_cells(formula, scene, x, y, z, spectrum)
             render, stderr = (
                 np.where(outside, np.nan, dataset[name].values[index, number])
                 for name in (quantity, f"{quantity}_stderr")
             )
             axis_x, axis_y = (float(at) for at in axis_at(scene.lamp, z))
-            planes.append(compare_plane(wavelength, z, x, y, render, stderr, expected, (axis_x, axis_y)))
+            plane = compare_plane(wavelength, z, x, y, render, stderr, expected, (axis_x, axis_y))
+            planes.append(plane.sharpened(field))
     return Comparison(scene, quantity, dataset[quantity].attrs["units"], tuple(planes))
 
 
@@ -310,14 +308,15 @@ def compare_plane(
     )
 
 
+def _on_a_plane(formula: Formula, scene: Scene, z_m: float, spectrum: BandLight, x: Array, y: Array) -> Array:
+    return formula(scene, x, y, np.full_like(x, z_m), spectrum)
+
+
 def on_cells(
     formula: Formula, scene: Scene, x_m: Array, y_m: Array, z_m: float, spectrum: BandLight
 ) -> Array:
     """The formula averaged over every cell and over a spectrum, shape (n_y, n_x)."""
-
-    def field(x: Array, y: Array) -> Array:
-        return formula(scene, x, y, np.full_like(x, z_m), spectrum)
-
+    field = partial(_on_a_plane, formula, scene, z_m, spectrum)
     # One cell alone does not tell its size: the plane does.
     dx, dy = (pitch_m(c) or size for c, size in zip((x_m, y_m), scene.plane_size_m, strict=True))
     side = along_a_side(lit(scene), z_m, max(dx, dy), len(x_m) * len(y_m))

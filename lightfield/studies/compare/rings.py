@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,24 @@ class Profile:
         together = standing(np.ones_like(error), error, 1 + mean, level)
         alone = standing(self.render, self.stderr, self.formula, level)
         return np.where(alone == BEYOND, BEYOND, np.where(total > 0, together, OPEN))
+
+
+class Within(NamedTuple):
+    """Up to where the formula is within a relative error, and from where on it is not.
+
+    Parameters
+    ----------
+    radius_m : float, m
+        Every ring up to there is known to be; infinite where all are; NaN where nothing is known, or lit.
+    beyond_m : float, m
+        The first ring that is known not to be; NaN where none is.
+    is_left : bool
+        Hardly a ring lies between: what is not within is beyond.
+    """
+
+    radius_m: float
+    beyond_m: float
+    is_left: bool
 
 
 def excess(render: Array, stderr: Array, formula: Array) -> Array:

@@ -149,7 +149,8 @@ def test_a_lamp_whose_table_is_written_anew_has_a_formula_of_its_own(tmp_path: P
     detector = {"planes_m": [1.5], "width_m": 1.2, "pixels": 24}
     for ends_deg in (20, 10):
         table.write_text(f"angle_deg,intensity\n0,1\n{ends_deg},1\n", encoding="utf-8")
-        formula = _formula(Scene.from_dict({"lamp": {"intensity_table": str(table)}, "detector": detector}))
+        now = Scene.from_dict({"lamp": {"intensity_table": str(table)}, "detector": detector})
+        formula, _ = _formula(now, scene_grid(now))
         assert formula is not None and formula[0, 0, 11, 11] > 0
         aside.append(formula[0, 0, 11, 20])
     assert aside[0] > 0 == aside[1]
