@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
-from lightfield.diagnosis.problem.local_unknowns import left_by_a_ripple, with_unknowns
+from lightfield.diagnosis.problem.local_unknowns import left_by_an_unknown, with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
@@ -47,6 +47,9 @@ _TOO_SMALL, _MENDS = 1.5, 0.6
 #: The part that the first sets of a search have to come down to for it to go on. Chosen: the noise is judged
 #: again after them, which takes little more.
 _PROMISES = 0.8
+#: What a local unknown has to be worth at first sight, in chi-square of the noise. Chosen: the best of some
+#: hundred shapes takes half as much from readings without one.
+_SHOWS = 30.0
 #: Where no one or two effects will do, known ones are so many at least. Derived: one and two were tried.
 _FEWEST = 3
 
@@ -199,7 +202,7 @@ def _explained(known: Knowledge) -> Knowledge:
         known = _settled_early(known) or _of_any_number(known)
     elif known.finding.size > 0 and stated:
         known = _unless_more_explain(known)
-    return _unless_a_ripple_does(known) if stated else known
+    return _unless_an_unknown_does(known) if stated else known
 
 
 def _settled_early(known: Knowledge) -> Knowledge | None:
@@ -276,10 +279,11 @@ def _unexplained_variance(prepared: Prepared, finding: SearchResult, about: Adeq
     return prepared.excess * finding.level.bench.phi * judged.phi
 
 
-def _unless_a_ripple_does(known: Knowledge) -> Knowledge:
-    """What passes, or explains the readings beside a ripple of the lamp's power in time.
+def _unless_an_unknown_does(known: Knowledge) -> Knowledge:
+    """What passes, or explains the readings beside a local unknown, where it leaves more than their errors.
 
-    It was taken for noise then: one that follows another looks like errors that go together.
+    It was taken for noise then: a lamp that swings looks like errors that go together, a step that a curve of
+    its power follows halfway like larger ones.
     """
     prepared, finding = known.prepared, known.finding
     if finding.size is None or known.problem.layout.size > MANY:
@@ -290,7 +294,9 @@ def _unless_a_ripple_does(known: Knowledge) -> Knowledge:
     problem, sigma = prepared.problem, prepared.noise.sigma
     fit = finding.level.base if finding.best is None else finding.best.fit
     off, light = (problem.value - fit.prediction) / sigma, fit.prediction / sigma
-    if left_by_a_ripple(problem.layout, off, light, problem.keep) >= _MENDS:
+    moves = fit.model.jacobian(fit.u, fit.prediction) / sigma[:, None]
+    left = left_by_an_unknown(problem.layout, off, light, problem.keep, moves)
+    if left >= _MENDS or problem.keep.sum() * np.log(1 / left) < _SHOWS:
         return known
     beside = _beside_unknowns(known)
     if beside is None or _unexplained_variance(beside.prepared, beside.finding) >= _MENDS * scale:

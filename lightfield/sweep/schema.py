@@ -140,7 +140,12 @@ def derived_variables(quantity: str, units: str, area_units: str) -> list[tuple[
             f"{quantity} on the lamp's axis; NaN where it misses the plane",
         ),
         ("plane_power", "plane_power", area_units, "integral over the plane"),
-        ("half_width_m", "half_width", "m", "half width at half maximum of the spot, geometric mean over x, y"),
+        (
+            "half_width_m",
+            "half_width",
+            "m",
+            "half width at half maximum of the spot, geometric mean over x, y",
+        ),
         (
             "formula_error_on_axis",
             "formula_error_axis",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
@@ -18,6 +20,11 @@ from lightfield.readings import Readings
 
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
 _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
+#: For a first look: widths of dips as parts of a scan, how many; steps at so many moments at most. Chosen:
+#: a fit that looks closer begins where one of them shows.
+_PARTS, _SHAPES_WIDE, _MOST_STEPS = (0.02, 0.25), 5, 200
+#: Such a part of a square is rounding.
+_ROUNDING = 1e-20
 #: Two ripples that differ by so many cycles over all angles are as far from each other as their phases are.
 #: Derived, as `templates._RIPPLES_APART`.
 _CYCLES_APART = 0.5
@@ -45,27 +52,68 @@ def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explan
     return replace(problem, forward=forward), tuple(map(finely, possible))
 
 
-def left_by_a_ripple(layout: Layout, misfit: Array, prediction: Array, keep: Array) -> float:
-    """Part of a misfit that the best ripple of the lamp's power in time leaves; 1 where none shows.
+def left_by_an_unknown(layout: Layout, misfit: Array, prediction: Array, keep: Array, moves: Array) -> float:
+    """Part of a misfit that the best local unknown leaves, beside all that the model can move; 1: none shows.
 
-    Linear least squares of two amplitudes at every period.
+    Linear least squares of one amplitude of each, at many places and widths, and two of a ripple in time at
+    every period.
 
     Parameters
     ----------
     misfit, prediction : array, shape (n,)
         In units of the readings' errors.
+    moves : array, shape (n, k)
+        What the model's parameters move, in these units.
     """
-    ends = ripple_periods_s(layout.time_s) if layout.has_time else None
-    total = float(((keep * misfit) ** 2).sum())
-    if ends is None or total == 0:
+    held = np.linalg.qr(keep[:, None] * moves)[0] if moves.size else np.zeros((len(misfit), 0))
+
+    def beyond(columns: Array) -> Array:
+        return np.asarray(columns - held @ (held.T @ columns))
+
+    whole, misfit = float(((keep * misfit) ** 2).sum()), beyond(keep * misfit)
+    total = float((misfit**2).sum())
+    if total <= _ROUNDING * whole:
         return 1.0
+    light = keep * prediction
+    shapes = beyond(light[:, None] * np.concatenate(list(_shapes(layout)), axis=1))
+    norm = (shapes**2).sum(axis=0)
+    taken = (shapes.T @ misfit) ** 2 / np.where(norm > TINY, norm, np.inf)
+    return 1 - max(float(taken.max(initial=0.0)), _by_a_ripple(layout, misfit, light, beyond)) / total
+
+
+def _shapes(layout: Layout) -> Iterator[Array]:
+    """Steps in time, dips along x and y, and plumes that rise before all readings, each of shape (n, k)."""
+    yield np.zeros((layout.size, 0))
+    if layout.has_time:
+        when = np.unique(layout.time_s)
+        yield (layout.time_s[:, None] > 0.5 * (when[1:] + when[:-1])[_some(len(when) - 1)]).astype(float)
+    for at in (layout.x_m, layout.y_m, layout.x_m / layout.z_m, layout.y_m / layout.z_m):
+        low, high = float(at.min()), float(at.max())
+        if high > low:
+            places = np.linspace(low, high, 2 * _PLACES - 1)
+            widths = (high - low) * np.geomspace(*_PARTS, _SHAPES_WIDE)
+            off = (at[:, None] - places)[:, :, None] / widths
+            yield np.exp(-(off**2)).reshape(layout.size, -1)
+
+
+def _some(count: int) -> NDArray[np.int_]:
+    """So many places among these, evenly."""
+    return np.unique(np.linspace(0, count - 1, min(count, _MOST_STEPS)).astype(int))
+
+
+def _by_a_ripple(layout: Layout, misfit: Array, light: Array, beyond: Callable[[Array], Array]) -> float:
+    """Of the square of a misfit what the best ripple of the lamp's power in time takes."""
+    ends = ripple_periods_s(layout.time_s) if layout.has_time else None
+    if ends is None:
+        return 0.0
     span = float(np.ptp(layout.time_s))
     cycles = np.arange(span / ends[1], span / ends[0], _CYCLES_APART)
     phase = 2 * np.pi * cycles[:, None] * layout.time_s / span
-    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1) * (keep * prediction)
-    gram, drawn = waves @ waves.transpose(0, 2, 1), waves @ (keep * misfit)
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1) * light
+    waves = beyond(waves.reshape(-1, layout.size).T).T.reshape(waves.shape)
+    gram, drawn = waves @ waves.transpose(0, 2, 1), waves @ misfit
     taken = np.einsum("ki,ki->k", drawn, np.linalg.solve(gram + TINY * np.eye(2), drawn[..., None])[..., 0])
-    return 1 - float(taken.max()) / total
+    return float(taken.max())
 
 
 def finely(candidate: Candidate) -> Candidate:
