@@ -16,6 +16,7 @@ from lightfield.diagnosis import ledger
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.course import Inquiry, course
+from lightfield.diagnosis.other_lamp import by_another_lamp
 from lightfield.diagnosis.problem.setup import source_of, spectral
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
@@ -338,7 +339,8 @@ def _following(progress: Callable[[str], None] | None) -> SoFar:
 
 
 def _diagnose(inquiry: Inquiry, advise: bool) -> Diagnosis:
-    outcome, progress = course(inquiry), inquiry.progress
+    progress = inquiry.progress
+    outcome, lamp_instead = by_another_lamp(inquiry, course(inquiry))
     known, prepared, finding = outcome.known, outcome.known.prepared, outcome.known.finding
     best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]
@@ -350,7 +352,7 @@ def _diagnose(inquiry: Inquiry, advise: bool) -> Diagnosis:
     lamp = calibration.judged_power(prepared, known.problem, finding)
     basis = compose.VerdictBasis(
         known.problem.forward, inquiry.readings, prepared, finding, steps, known.untestable, outcome.trust,
-        lamp, inquiry.seed, outcome.also,
+        lamp, inquiry.seed, outcome.also, lamp_instead,
     )  # fmt: skip
     verdict = compose.verdict_of(basis, advise).model_copy(update={"asked": list(inquiry.asked)})
     give_back()

@@ -18,6 +18,7 @@ from lightfield.diagnosis.verdict.advice import where_next
 from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
+from lightfield.diagnosis.verdict.cautions.caution import Caution
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.estimates import estimates, units_in
@@ -61,6 +62,8 @@ class VerdictBasis:
         Of the bootstrap.
     also : WithScattering, optional
         What reflects, with scattering too.
+    lamp_instead : Caution, optional
+        That another lamp than the scene's is spoken of.
     """
 
     forward: SceneForward
@@ -73,6 +76,7 @@ class VerdictBasis:
     lamp: Sequence[Judged] = ()
     seed: int = 0
     also: WithScattering | None = None
+    lamp_instead: Caution | None = None
 
 
 def _rungs(basis: VerdictBasis, units: dict[str, str]) -> list[Rung]:
@@ -309,6 +313,7 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
             stated=_stated(basis, units, untestable, doubt is not None),
             assumptions=list(budget.assumed),
             cautions=[
+                *([basis.lamp_instead] if basis.lamp_instead else []),
                 *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
                 *exchanged(basis.forward, problem, finding),
                 *cautions(basis.readings, basis.prepared, finding, explanations),

@@ -33,6 +33,7 @@ class Warns(str, Enum):
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
     COARSE_TABLE = "lamp's table in coarse steps"
+    ANOTHER_LAMP = "another lamp than the table's"
     UNEVEN_LAMP = "uneven lamp"
     FINEST_CURVE = "lamp's curve as fine as curves go"
     UNSETTLED = "scattered light by the trace of the search alone"
@@ -44,7 +45,7 @@ class Warns(str, Enum):
 #: What speaks of a mistake in the table or the scene, which effects then stand in for.
 MISTAKES = (
     Warns.SCATTER_FAR_MORE, Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN,
-    Warns.OF_BAND, Warns.EXCHANGED, Warns.COARSE_TABLE,
+    Warns.OF_BAND, Warns.EXCHANGED, Warns.COARSE_TABLE, Warns.ANOTHER_LAMP,
 )  # fmt: skip
 #: The same of the table's own checks.
 _MISTAKES_OF_TABLES = (
@@ -114,6 +115,9 @@ _WORDS = {
     Warns.COARSE_TABLE: "the lamp's table has steps of {step_deg:.2g} degrees, and smooth beams through them "
     "differ by up to {percent:.2g} % in the light of these readings: effects of lamp and receiver may "
     "stand in for that; measure it in finer steps",
+    Warns.ANOTHER_LAMP: "the lamp's table is not that of these readings: with a Gaussian beam of "
+    "{width_deg:.3g} degrees in its place {fewer:g} numbers fewer explain them, and what is said here is "
+    "said beside that; is it the table of this lamp, in degrees from its axis, as it stands in the water?",
     Warns.NOT_CONVERGED: "the fit was stopped before it stood still: one step more would lower chi-square by "
     "{gain:.2g} and move {about} by {sigma:.2g} of its error; begin nearer to the end (with the fitted scene "
     "that -o writes), or leave out one of the effects that hang together",

@@ -7,6 +7,7 @@ from functools import reduce
 from typing import Final
 
 from lightfield.diagnosis.certainty import CONVINCING, Certainty
+from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Doubt,
@@ -43,6 +44,11 @@ def words_of(v: VerdictData) -> Said:
         told = told.then(rest.sentences(v.left_over, v.misfit))
     if open_ and v.asked and (why is None or why.reason is DoubtReason.SET_ASIDE):
         told = told.then("Other effects were not considered; where none is chosen, all that are known are.")
+    if (lamp := next((c for c in v.cautions if c.warns is Warns.ANOTHER_LAMP), None)) is not None:
+        width = lamp.values["width_deg"]
+        told = told.after(
+            f"The beam of your scene's table is not in the readings, a Gaussian of {width:.3g} degrees is."
+        )
     return told.then(aside.sentence(v.set_aside, v.readings, v.several_wavelengths))
 
 
