@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from lightfield.errors import LightfieldError, SceneError, UsageError
 from lightfield.scene import Scene
@@ -288,7 +289,7 @@ def _check_alone(scene: Scene, axis: Axis) -> None:
     works = False
     for step in range(axis.size):
         values = axis.at(step).values()
-        if works and not any(isinstance(value, str) for value in values):
+        if works and not any(isinstance(value, str | dict) for value in values):
             continue  # ranges of numbers are checked before
         try:
             apply(scene, axis.at(step))
@@ -302,7 +303,9 @@ def _check_alone(scene: Scene, axis: Axis) -> None:
 
 
 def _is_about(error: LightfieldError, value: Any) -> bool:
-    """Does it name a word itself, and not what has to go with it?"""
+    """Does it name a word or a table itself, and not what has to go with it?"""
+    if isinstance(value, dict):
+        return bool(error.found == value)
     found = error.found.values() if isinstance(error.found, dict) else (error.found,)
     return isinstance(value, str) and value in found
 
@@ -340,4 +343,21 @@ def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Sce
                 rule="attenuation from 0, albedo 0 to 1",
             )
         values |= {COMPOUND_SETS[0]: c * (1 - albedo), COMPOUND_SETS[1]: c * albedo}
+    if not validate:
+        values = {path: _made(scene, path, value) for path, value in values.items()}
     return scene.with_values(values, validate=validate)
+
+
+def _made(scene: Scene, path: str, value: Any) -> Any:
+    """What a table, or a list of tables, stands for in the scene, as a phase function; else the value."""
+    if not isinstance(value, dict) and not (isinstance(value, tuple) and any(map(_is_table, value))):
+        return value
+    above, _, name = path.rpartition(".")
+    try:
+        return TypeAdapter(type(scene.get(above)).model_fields[name].annotation).validate_python(value)
+    except (ValidationError, KeyError):
+        return value  # its case says why it cannot be
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict)

@@ -8,7 +8,16 @@ import pytest
 
 from lightfield.errors import LightfieldError, SceneError, UsageError
 from lightfield.scene import Scene
-from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis, apply, checked_axes, parse_axis, read_plan
+from lightfield.sweep.axes import (
+    ALBEDO,
+    ATTENUATION,
+    Axis,
+    apply,
+    axis_of,
+    checked_axes,
+    parse_axis,
+    read_plan,
+)
 from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.schema import variables_of
 from lightfield.sweep.sweep_plan import SweepSettings, make_plan
@@ -174,3 +183,26 @@ def test_a_word_that_no_scene_has_is_refused_before_anything_is_traced() -> None
         checked_axes([parse_axis("water.base=pure,jerlov-9")], Scene())
     # What another axis may yet give is no such word.
     assert checked_axes([parse_axis("lamp.profile=gaussian,table")], Scene())[0].size == 2
+
+
+@pytest.mark.parametrize(
+    ("path", "values"),
+    [
+        ("detector.planes_m", [[2.0, 3.0], [2.5, 3.0]]),
+        ("detector.bands_nm", [[[500.0, 520.0]], [[510.0, 540.0]]]),
+        ("water.phase", [{"type": "henyey-greenstein", "g": 0.8}, {"type": "petzold"}]),
+        ("lamp.spectrum", [[{"peak_nm": 510.0, "fwhm_nm": 20.0}], "planck"]),
+    ],
+)
+def test_lists_and_tables_vary_as_numbers_do(path: str, values: list[object]) -> None:
+    """Each case has in its scene what that scene would have by itself."""
+    scene = Scene.from_dict({"water": {"scattering_per_m": 0.1}})
+    plan = make_plan(scene, [axis_of(path, {path: values}, "test")], SweepSettings(max_photons=2e4))
+    for step, value in enumerate(values):
+        alone = scene.with_values({path: value})
+        assert plan.cases.build(step).digest() == alone.digest()
+        assert apply(scene, plan.cases.axes[0].at(step), validate=False).get(path) == alone.get(path)
+    with pytest.raises(LightfieldError, match="hg"):
+        checked_axes(
+            [axis_of("water.phase", {"water.phase": [{"type": "petzold"}, {"type": "hg"}]}, "test")], scene
+        )
