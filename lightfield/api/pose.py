@@ -116,7 +116,8 @@ def estimate(
     Parameters
     ----------
     readings : path-like
-        CSV, a column per element: e1, e2, ..., and time_s.
+        CSV, a column per element: e1, e2, ..., and time_s. Over the array's gain they are irradiance over the
+        lamp's intensity on its axis, 1/m2.
     scene : Scene or path-like
         With an [array].
     filter : bool

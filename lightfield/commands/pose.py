@@ -19,7 +19,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     tasks = parser.add_subparsers(dest="task_name", metavar="TASK", required=True)
     estimate = tasks.add_parser("estimate", help="poses from the readings of an array")
     estimate.add_argument(
-        "readings", type=Path, metavar="READINGS", help="CSV, a column per element: e1, e2, ..., and time_s"
+        "readings",
+        type=Path,
+        metavar="READINGS",
+        help="CSV, a column per element: e1, e2, ..., and time_s; over array.gain they are irradiance over "
+        "the lamp's intensity on its axis, 1/m2",
     )
     add_option(estimate, "scene", help="scene file with an [array]")
     estimate.add_argument("--filter", action="store_true", help="follow a sequence with a Kalman filter, too")

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
+from lightfield.diagnosis.problem.candidates import go_together
 from lightfield.diagnosis.problem.local_unknowns import left_by_an_unknown, with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
@@ -292,9 +293,13 @@ def _unless_an_unknown_does(known: Knowledge) -> Knowledge:
     if scale < _TOO_SMALL:
         return known
     problem, sigma = prepared.problem, prepared.noise.sigma
+    explanation = () if finding.best is None else finding.best.explanation
     fit = finding.level.base if finding.best is None else finding.best.fit
+    # What the scene states may have another size, which an unknown shows beside alone.
+    stated = tuple(c for c in problem.candidates if c.is_stated and c not in explanation)
+    model = problem.model((*explanation, *stated)) if go_together((*explanation, *stated)) else fit.model
     off, light = (problem.value - fit.prediction) / sigma, fit.prediction / sigma
-    moves = fit.model.jacobian(fit.u, fit.prediction) / sigma[:, None]
+    moves = model.jacobian(model.at(fit.by_path), fit.prediction) / sigma[:, None]
     left = left_by_an_unknown(problem.layout, off, light, problem.keep, moves)
     if left >= _MENDS or problem.keep.sum() * np.log(1 / left) < _SHOWS:
         return known

@@ -17,6 +17,7 @@ from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA, separation
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
 from lightfield.diagnosis.verdict.parts import PlaceToRead
+from lightfield.fitting.curves import PLANES
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.scene import Tank
@@ -197,6 +198,10 @@ def _way(
     own = np.sqrt(own**2 + np.einsum("ij,jk,ik->i", moves, known, moves).clip(0))
     error = error_of_mean(sigma(under_truth), under_truth, own)
     difference = (under_truth - under_rival) / error
+    if any(path.startswith(PLANES) for path in (*truth.paths, *imitation.paths)):
+        # A distance that was not read has a gain of its own: what is read there tells nothing of the others.
+        read = np.isin(np.round(there.readings.z_m, 3), np.round(problem.layout.z_m, 3))
+        difference = np.where(read, difference, 0.0)
     way = Way(away.separation_sigma**2, difference, slopes / error[:, None], information / phi)
     return in_stays(way, *stays, under_truth / error)
 

@@ -113,7 +113,10 @@ def _without(problem: Problem, tried: ScoredSet) -> ScoredSet:
         worse = (fit.chi2 - tried.fit.chi2) / tried.adequacy.phi
         adequacy = tried.test(fit)
         if _sigmas(worse, len(candidate.parameters)) < REMOVABLE_SIGMA and adequacy.passes(ALPHA):
-            tried = replace(tried, explanation=rest, fit=fit, adequacy=adequacy, bic=tried.bic + worse)
+            errors = {path: error for path, error in tried.errors.items() if path in fit.paths}
+            tried = replace(
+                tried, explanation=rest, fit=fit, adequacy=adequacy, bic=tried.bic + worse, errors=errors
+            )
     return tried
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.errors import MeasurementError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import Space, light_of
@@ -23,6 +24,9 @@ from lightfield.wording import minus
 
 #: Random starts that look for rivals of the first pose.
 RIVAL_STARTS = 32
+#: Readings so many times brighter than the space allows are in another unit: the lamp's power, or the gain,
+#: is hardly known worse.
+_FAR_BRIGHTER = 10.0
 #: Samples that a text shows.
 SHOWN = 12
 
@@ -216,6 +220,7 @@ def poses_of(
     samples = read_samples(path, len(elements), array.sample_hz)
     estimator = Estimator.of_scene(scene, light_of(scene, space, elements, photons=photons, seed=seed), space)
     readings = samples.readings / array.gain
+    _refuse_another_unit(readings, estimator, str(path))
     tracked = None
     if filtered:
         tracker = Tracker(estimator)
@@ -228,3 +233,18 @@ def poses_of(
             last = None if found.lost else found.pose
             estimates.append(found)
     return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons))
+
+
+def _refuse_another_unit(readings: Array, estimator: Estimator, where: str) -> None:
+    """Refuse readings far brighter than any in the space, which no pose explains."""
+    nearest = np.zeros((1, len(POSE)))
+    nearest[0, 2] = estimator.space.near_m
+    most, brightest = float(np.median(readings.max(axis=1))), float(estimator.model.readings(nearest).max())
+    if most > _FAR_BRIGHTER * brightest:
+        raise MeasurementError(
+            "the readings are far brighter than the array's could be anywhere in its space",
+            where=where,
+            found=f"{most:.3g} 1/m2 (the brightest of a sample, over array.gain)",
+            rule=f"up to about {brightest:.3g} 1/m2, at {estimator.space.near_m:g} m",
+            remedy="state array.gain: what is read for 1 W/m2 of a lamp of 1 W/sr on its axis",
+        )

@@ -65,6 +65,9 @@ def test_scattering_that_is_not_in_the_readings_is_said_with_its_limit() -> None
     assert entry.limit is not None and 0 < entry.limit < 0.05
     assert entry.sigma_from_stated > 5 > 2 > entry.sigma_to_remove
     assert found.scene.water.scattering_per_m == 0, "the explained scene is without it"
+    # Of what is left out there are no errors any more: g was looked for among the values of a fit without it.
+    best = found.basis.finding.best
+    assert best is not None and set(best.errors) <= set(best.fit.paths)
     assert verdict.ladder[-1].label == "- scattering"
     assert verdict.ladder[-1].error_percent < 0.5 * verdict.ladder[0].error_percent
     assert "missing" not in verdict.sentence
