@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields
@@ -115,15 +116,21 @@ def run(args: argparse.Namespace) -> int:
             "a worker needs more memory", where="--memory", found=f"{args.memory:g} GB",
             rule=f"about {byte_size(needed)} for these maps", remedy="allow more, or fewer pixels or planes",
         )  # fmt: skip
-    with cases_bar() as report:
-        done = run_sweep(
-            plan,
-            args.output,
-            workers=args.workers or 0,
-            scheduler=args.scheduler,
-            memory_gb=args.memory,
-            report=report,
+    try:
+        with cases_bar() as report:
+            done = run_sweep(
+                plan,
+                args.output,
+                workers=args.workers or 0,
+                scheduler=args.scheduler,
+                memory_gb=args.memory,
+                report=report,
+            )
+    except KeyboardInterrupt:
+        print(
+            f"{args.output}: what is finished is kept; the same command goes on from there", file=sys.stderr
         )
+        raise
     print(as_text(plan, done, args.output))
     return 1 if done.failed else 0
 

@@ -187,6 +187,7 @@ def content_figure(found: Content, narrow: bool = False) -> Figure:
             first = found.beer_lambert.amounts[name]
             axis.axvline(0, color=MUTED, linewidth=0.8)
             axis.set_ylim(0.5, len(models) + 0.6)
+            axis.locator_params(axis="x", nbins=3)
             label(axis, first.unit, "", capital(first.name))
         axes[0].set_yticks(range(len(models), 0, -1), [name for _, name, _ in models])
     return fig

@@ -171,10 +171,10 @@ def test_what_a_curve_follows_halfway_is_no_larger_noise(
 
 
 def test_a_jump_is_not_what_the_scene_states_of_the_lamp() -> None:
-    """A drift that the scene states and the lamp lacks, and a jump of 3 %: once nothing was missing, the drift
-    was confirmed, and right errors were called half as large as they are."""
+    """A drift that the scene states and the lamp lacks, and a jump of 3 %: nothing was missing, the drift was
+    confirmed, and right errors were called too small."""
     table, believed = readings({}, factor=lambda t: 1 + 0.03 * (t.time_s > 900.0), seed=5, layout="line")
-    believed = believed.with_values({"lamp.drift_per_hour": 0.06})
+    believed = believed.with_values({"lamp.drift_per_hour": 0.1})
     verdict = diagnose(table, believed, diffuse=None, only=FEW, advise=False).verdict
     assert verdict.verdict == "unexplained" and verdict.left_over[0].name == "step_in_time"
 
