@@ -30,6 +30,7 @@ from lightfield.diagnosis.search.told_apart import (
     SAME_CLASS_SIGMA,
     Isolability,
     Limit,
+    at_once,
     detection_limits,
     isolability,
 )
@@ -200,11 +201,13 @@ def _sizes(adequacy: Adequacy) -> dict[str, float]:
 
 class _Effect(NamedTuple):
     """What an effect does, a column for each amplitude of every form at every shape, whitened where readings
-    are and plain at n other places; and the error of its light there at its size, shape (n,)."""
+    are and plain at n other places; the error of its light there at its size, shape (n,); and which of
+    the columns it can do together."""
 
     here: Array
     there: Array
     own: Array
+    together: list[list[int]]
 
 
 def _effects(
@@ -214,24 +217,31 @@ def _effects(
     at = forward.predict(base.values)
     there = replace(base, model=replace(base.model, forward=forward), prediction=at)
     elsewhere = bank(replace(problem, forward=forward, keep=np.ones(forward.size)), there, _identity)
-    out: dict[str, _Effect] = {}
+    found: dict[str, list[tuple[Score, Array]]] = {}
+    own: dict[str, Array] = {}
     for score, template in zip(scores, elsewhere, strict=True):
         candidate = score.template.candidate
-        name, here = candidate.name, score.template.columns
+        name = candidate.name
         if not score.testable or name not in sizes:
             continue
-        if name in out:
-            known = out[name]
-            both = np.hstack([known.here, here]), np.hstack([known.there, template.columns])
-            out[name] = _Effect(*both, known.own)
+        found.setdefault(name, []).append((score, template.columns))
+        if name in own:
             continue
         first = candidate.amplitudes[0]
         typical = candidate.typical[0] * np.sign(first.step_from(first.start))
         shape = {p.path: p.value(s) for p, s in zip(candidate.shapes, template.shape, strict=True)}
         grown = base.values | shape | {first.path: first.value(first.start + typical)}
-        own = own_error(forward, grown) * abs(sizes[name] / typical)
-        out[name] = _Effect(here, template.columns, own)
-    return out
+        own[name] = own_error(forward, grown) * abs(sizes[name] / typical)
+    return {name: _effect(pairs, own[name]) for name, pairs in found.items()}
+
+
+def _effect(pairs: Sequence[tuple[Score, Array]], own: Array) -> _Effect:
+    here, there = [s.template.columns for s, _ in pairs], [columns for _, columns in pairs]
+    ends = np.cumsum([0, *(columns.shape[1] for columns in here)])
+    together = [
+        [c for k in some for c in range(ends[k], ends[k + 1])] for some in at_once([s for s, _ in pairs])
+    ]
+    return _Effect(np.hstack(here), np.hstack(there), own, together)
 
 
 def _helpful(
@@ -281,6 +291,7 @@ def _way(base: Fit, truth: _Effect, rival: _Effect, size: float, slopes: Array, 
         Of the base model at the other places.
     error : array, shape (n,)
     """
+    rival = _nearest(base, truth, rival)
     left = beside(orthonormal(base.jacobian, INDEPENDENT), rival.here)
     told = combined(left.T @ left)  # combinations that the readings tell apart
     column, moves = size * truth.here[:, 0], np.column_stack([base.jacobian, rival.here @ told])
@@ -294,6 +305,17 @@ def _way(base: Fit, truth: _Effect, rival: _Effect, size: float, slopes: Array, 
     information = tangent.T @ tangent
     information += np.diag(INDEPENDENT * np.diag(information))
     return Way(float(rest @ rest), difference, there / error[:, None], information)
+
+
+def _nearest(base: Fit, truth: _Effect, rival: _Effect) -> _Effect:
+    """The rival with those of its columns alone that together come nearest to the truth's."""
+
+    def away(columns: list[int]) -> float:
+        known = orthonormal(np.column_stack([base.jacobian, rival.here[:, columns]]), INDEPENDENT)
+        return float(np.linalg.norm(beside(known, truth.here[:, :1])))
+
+    best = rival.together[0] if len(rival.together) == 1 else min(rival.together, key=away)
+    return rival._replace(here=rival.here[:, best], there=rival.there[:, best])
 
 
 def as_text(made: LayoutPlan) -> str:

@@ -7,6 +7,7 @@ knowledge.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,8 @@ _STEPS, _LEFT = 60, 1e-4
 #: Of many readings a rival may be the nearest when its square distance is no more times the least of a
 #: sample. Chosen: that of a seventh of the readings is known to a few per cent.
 _AS_NEAR = 2.0
+#: Shapes of an effect that stand for all of it together. Derived: the table's have no more.
+_FEW_SHAPES = 4
 #: Rivals by BIC whose distance is worked out. Chosen: time against thoroughness.
 _RIVALS = 4
 
@@ -164,9 +167,20 @@ class Isolability:
         return [tuple(self.names[i] for i in sorted(g)) for g in groups if len(g) > 1]
 
 
+def at_once(scores: Sequence[Score]) -> list[list[int]]:
+    """Which templates of one effect stand together for what it can do, by their numbers.
+
+    All, where there are few. Of many shapes, as a formula of the user's own has them, each alone: together
+    they would do what no one of them does.
+    """
+    if all(len(score.template.candidate.grid) <= _FEW_SHAPES for score in scores):
+        return [list(range(len(scores)))]
+    return [[k] for k in range(len(scores))]
+
+
 def isolability(scores: tuple[Score, ...], sizes: dict[str, float], phi: float) -> Isolability:
-    """Linear isolability: an effect's distance from the span of each other effect's templates (all its
-    shapes).
+    """Linear isolability: an effect's distance from the span of each other effect's templates: of all its
+    shapes, or of each one, see `at_once`.
 
     Parameters
     ----------
@@ -176,11 +190,11 @@ def isolability(scores: tuple[Score, ...], sizes: dict[str, float], phi: float) 
         Size of each effect's first amplitude, in its coordinate.
     """
     first: dict[str, Score] = {}
-    spans: dict[str, list[Array]] = {}
+    alike: dict[str, list[Score]] = {}
     for score in scores:
         if score.testable and score.template.candidate.name in sizes:
             first.setdefault(score.template.candidate.name, score)
-            spans.setdefault(score.template.candidate.name, []).append(score.direction)
+            alike.setdefault(score.template.candidate.name, []).append(score)
     names = tuple(first)
     vectors = []
     for name in names:
@@ -191,7 +205,9 @@ def isolability(scores: tuple[Score, ...], sizes: dict[str, float], phi: float) 
     delta = np.array([np.linalg.norm(v) for v in vectors])
     D = np.zeros((len(names), len(names)))
     for k, name in enumerate(names):
-        basis = orthonormal(np.hstack(spans[name]))
-        for j in range(len(names)):
-            D[j, k] = 0.0 if j == k else float(np.linalg.norm(beside(basis, vectors[j][:, None])))
+        for n, some in enumerate(at_once(alike[name])):
+            basis = orthonormal(np.hstack([alike[name][i].direction for i in some]))
+            away = np.linalg.norm(beside(basis, np.column_stack(vectors)), axis=0)
+            D[:, k] = away if n == 0 else np.minimum(D[:, k], away)
+        D[k, k] = 0.0
     return Isolability(names, np.array([sizes[n] for n in names]), delta, D)

@@ -97,3 +97,22 @@ def test_readings_to_add_say_in_which_band_they_are_judged() -> None:
     assert "readings each, of 443 nm, at x = " in as_text(made)
     alone = plan(one, SCENE)
     assert alone.helpful and " nm," not in as_text(alone)
+
+
+def test_a_formula_does_not_do_what_all_its_shapes_would_together() -> None:
+    """A bright spot at any place and of any width, beside a beam that is flatter: a hundred spots make any
+    curve, one does not."""
+    spot = {
+        "name": "spot", "stage": "path", "formula": "1 + g*exp(-((x/z - s)/w)**2)",
+        "parameters": {
+            "g": {"range": [-0.5, 0.5], "neutral": 0.0, "typical": 0.03},
+            "s": {"range": [-0.25, 0.25]}, "w": {"range": [0.01, 0.1]},
+        },
+    }  # fmt: skip
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(-0.9, 0.9, 21), [3.0, 4.0, 5.0, 6.0, 7.0]))
+    table = Readings.from_arrays(x_m=x, z_m=z, value=np.ones(x.size), quantity="irradiance")
+    believed = Scene.model_validate(SCENE.model_dump(exclude_unset=True) | {"effect": [spot]})
+    found = plan(known(table, 0.004, 1.0), believed).isolability
+    k, names = found.names.index("spot"), list(found.names)
+    for other in ("beam_shape", "beam_skirt", "beam_offset"):
+        assert found.D[names.index(other), k] > 2.5, other
