@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -114,8 +114,13 @@ def _walk(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel]
             current = tagged[0]
             continue
         keys.append(str(part))
+        if get_origin(current) is dict:  # of parameters by their names
+            current = get_args(current)[1]
+            continue
         if len(classes) == 1:
             owner = classes[0]
+            if isinstance(part, int):  # one of several
+                continue
             field = owner.model_fields.get(str(part))
             current = field.annotation if field is not None else None
     return owner, keys
@@ -151,8 +156,12 @@ def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -
     if kind in {"model_type", "model_attributes_type"}:
         return "a table of keys", f"write it as [{'.'.join(keys)}]"
     if kind == "missing":
+        if keys[-1] != name and field is not None:
+            return f"{meaning}: more values than these", f"write {name} = [..., ...]"
         return f"{meaning} has no default", f"add {name}"
     if kind == "tuple_type":
+        if isinstance(problem.get("input"), dict):
+            return "a list of tables", f"write [[{'.'.join(keys)}]], with two brackets, before each"
         inner = "[..., ...]" if keys[-1] == name else "[[..., ...]]"  # an item of a list of lists
         return "a list of values", f"write {name} = {inner}: {meaning}"
     return _message(problem), f"correct it: {meaning}"

@@ -76,7 +76,8 @@ class Expression:
         if len(self.text) > LONGEST:
             raise _refused(f"{len(self.text)} characters")
         if not self.text.isascii() or not self.text.isprintable():
-            raise _refused("a character that is no plain one")
+            odd = next(c for c in self.text if not c.isascii() or not c.isprintable())
+            raise _refused(f"{odd!r}, which is no plain character (U+{ord(odd):04X})")
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # Python's on what is odd, and refused below
@@ -134,7 +135,8 @@ def _check(node: ast.AST) -> None:
         if len(node.ops) != 1:
             raise _refused("several comparisons in a row")
     elif not isinstance(node, _ALLOWED):
-        raise _refused(f"something else ({type(node).__name__})")
+        power = "^, of bits: a power is **" if isinstance(node, ast.BitXor) else None
+        raise _refused(power or f"something else ({type(node).__name__})")
 
 
 _ALLOWED = (ast.Name, ast.Load, ast.BinOp, ast.UnaryOp, *_TWO, *_ONE, *_COMPARE)

@@ -149,10 +149,15 @@ class OwnEffect(Part):
         for part in STARTS:
             shapes = {k: p.range[0] + part * (p.range[1] - p.range[0]) for k, p in self.parameters.items()}
             off = {k: p.neutral for k, p in self.parameters.items() if p.neutral is not None}
-            off_by = self._expression({**at, **shapes, **off}) - (signal if self.stage == "readout" else 1.0)
-            if not (np.abs(off_by) <= _NEUTRAL).all():
+            found = np.broadcast_to(self._expression({**at, **shapes, **off}), signal.shape)
+            wanted = signal if self.stage == "readout" else np.ones_like(signal)
+            wrong = ~(np.abs(found - wanted) <= _NEUTRAL)
+            if wrong.any():
                 gives = "the signal" if self.stage == "readout" else "1"
-                raise RuleError(f"{where}: with its neutral values it gives {gives}", "correct it")
+                value = f"{found[wrong][0]:g} instead of {wanted[wrong][0]:g}"
+                raise RuleError(
+                    f"{where}: with its neutral values it gives {gives}", "correct it", found=value
+                )
 
     @cached_property
     def _expression(self) -> Expression:

@@ -217,3 +217,31 @@ def test_a_file_of_effects_has_nothing_else(tmp_path: Path) -> None:
     path.write_text("[lamp]\nhwhm_deg = 3.0\n")
     with pytest.raises(SceneError, match="not a file of effects"):
         with_effects(Scene(), path)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"parameters": {"a": {"range": [0.3], "neutral": 0.0}}}, "more values than these"),
+        ({"parameters": {"a": {"range": [0, 1], "neutral": 0.0, "meening": "x"}}}, "did you mean"),
+        ({"formula": "2 + a*x"}, "2 instead of 1"),
+        ({"formula": "1 + a*x^2"}, "a power is"),
+        ({"formula": "1 \N{MINUS SIGN} a*x"}, "U+2212"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(change: dict[str, object], said: str) -> None:
+    """A range of one number was told to have no default, a misspelt key the keys of another table."""
+    own = {
+        "name": "one",
+        "stage": "path",
+        "formula": "1 + a*x",
+        "parameters": {"a": {"range": [0, 1], "neutral": 0.0}},
+    }
+    with pytest.raises(SceneError) as raised:
+        Scene.from_dict({"effect": [{**own, **change}]})
+    assert said in str(raised.value)
+
+
+def test_one_bracket_too_few_is_told() -> None:
+    with pytest.raises(SceneError, match=r"\[\[effect\]\]"):
+        Scene.from_dict({"effect": {"name": "one", "stage": "path"}})
