@@ -70,7 +70,9 @@ def verify(path: str | Path) -> Soundness:
         raise OutputError(
             "this store has no journal, so nothing tells whether its numbers are right", where=str(path),
             rule=f"{journal.NAME} has a digest of every file",
-            remedy="copy the store with its hidden folder, or run its sweep into another one",
+            remedy="run its sweep again: it makes the damage good"
+            if (store / journal.NAME).parent.is_dir()
+            else "copy the store with its hidden folder, or run its sweep into another one",
         )  # fmt: skip
     for _ in range(2):  # a sweep that runs may write between the first reading of the journal and of a file
         entries, lost = journal.journal_entries(store)

@@ -34,6 +34,8 @@ from sweeping import (
 )
 
 BLOCKS = 12
+#: What a stopped sweep says first.
+GOES_ON = "{}: what is finished is kept; the same command goes on from there"
 
 # Kills its own process, with -9, when half of a chunk of the given block has reached the disk.
 DIE_IN_WRITE = """
@@ -112,7 +114,7 @@ def test_a_second_sweep_is_refused_and_the_first_goes_on_after_ctrl_c(
             os.killpg(first.pid, signal.SIGKILL)
     assert second.returncode == 2
     assert "another sweep is writing to this store" in second.stderr
-    assert (first.returncode, said(errors)) == (130, ["lightfield: interrupted"])
+    assert (first.returncode, said(errors)) == (130, [GOES_ON.format(store), "lightfield: interrupted"])
     known = int((xr.open_zarr(store).status == 1).sum())
     assert 6 * blocks_done(store) <= known <= 9 * blocks_done(store) < 99
     assert in_process(scene, store).returncode == 0
@@ -174,7 +176,7 @@ def test_ctrl_c_with_workers_ends_them_all(scene: Path, tmp_path: Path) -> None:
     children = psutil.Process(running.pid).children(recursive=True)
     os.killpg(running.pid, signal.SIGINT)
     _, errors = running.communicate(timeout=60)
-    assert (running.returncode, said(errors)) == (130, ["lightfield: interrupted"])
+    assert (running.returncode, said(errors)) == (130, [GOES_ON.format(store), "lightfield: interrupted"])
     assert psutil.wait_procs(children, timeout=20)[1] == []
 
 

@@ -31,6 +31,7 @@ NUMBERS = {
     Warns.OF_BAND: {"ratio": 0.106},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
     Warns.COARSE_TABLE: {"step_deg": 1.5, "percent": 2.3},
+    Warns.ANOTHER_LAMP: {"width_deg": 5.21, "fewer": 14.0},
     Warns.NOT_CONVERGED: {"gain": 12.0, "sigma": 3.5},
     Warns.NOT_CONFIRMED: {"fitted_percent": 0.42, "rendered_percent": 3.1},
 }
