@@ -117,7 +117,7 @@ _WORDS = {
     "stand in for that; measure it in finer steps",
     Warns.ANOTHER_LAMP: "the lamp's table is not that of these readings: with a Gaussian beam of "
     "{width_deg:.3g} degrees in its place {fewer:g} numbers fewer explain them, and what is said here is "
-    "said beside that: check that it is the table of this lamp, in degrees from its axis, as it stands in water",
+    "said beside that: check that it is the table of this lamp, in degrees from its axis, and in water",
     Warns.NOT_CONVERGED: "the fit was stopped before it stood still: one step more would lower chi-square by "
     "{gain:.2g} and move {about} by {sigma:.2g} of its error; begin nearer to the end (with the fitted scene "
     "that -o writes), or leave out one of the effects that hang together",
