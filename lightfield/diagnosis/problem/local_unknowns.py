@@ -78,7 +78,8 @@ def left_by_an_unknown(layout: Layout, misfit: Array, prediction: Array, keep: A
     shapes = beyond(light[:, None] * np.concatenate(list(_shapes(layout)), axis=1))
     norm = (shapes**2).sum(axis=0)
     taken = (shapes.T @ misfit) ** 2 / np.where(norm > TINY, norm, np.inf)
-    return 1 - max(float(taken.max(initial=0.0)), _by_a_ripple(layout, misfit, light, beyond)) / total
+    most = max(float(taken.max(initial=0.0)), _by_a_ripple(layout, misfit, light, beyond))
+    return max(1 - most / total, TINY)
 
 
 def _shapes(layout: Layout) -> Iterator[Array]:

@@ -193,6 +193,8 @@ def test_noise_leaves_nearly_all_beside_a_ripple(serial: float) -> None:
         left.append(left_by_an_unknown(layout, noise, light, keep, none))
     assert min(left) > 0.65
     swing = 2 * np.sqrt(2) * np.sin(2 * np.pi * layout.time_s / PERIOD_S)
+    jump = (layout.time_s > np.median(layout.time_s)).astype(float)
+    assert 0 < left_by_an_unknown(layout, jump, light, keep, none) < 1e-9
     # As much of what the model can follow by itself is nobody's.
     assert left_by_an_unknown(layout, swing, light, keep, swing[:, None] + np.zeros((1, 1))) == 1.0
     assert left_by_an_unknown(layout, noise + swing, light, keep, none) == pytest.approx(0.2, abs=0.1)
