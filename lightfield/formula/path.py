@@ -117,10 +117,7 @@ def attenuation_per_m(water: Water, wavelength_nm: ArrayLike | None = None, defa
     """
     if is_grey(water):
         return water.absorption_per_m + water.scattering_per_m + water.settling_per_m
-    if wavelength_nm is None:
-        wavelength_nm = default_nm
-    w = np.asarray(wavelength_nm, dtype=float)
-    w = np.where(np.isnan(w), default_nm, w)
+    w = stated_nm(wavelength_nm, default_nm)
     unique, back = _colours(w.tobytes())
     c = absorption_per_m(water, unique) + scattering_per_m(water, unique)
     return c[back].reshape(w.shape)

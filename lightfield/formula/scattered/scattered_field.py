@@ -66,6 +66,9 @@ _REMEMBERED, _STEPS = 64, 3
 #: So many paths and spreads, for other phase functions and widths, are remembered: of ten megabytes and of
 #: half of one each. A search goes to and fro between a dozen.
 _PATHS, _SPREADS = 5, 10
+#: Beams of which is remembered what they send along these: of one whose width has a colour a dozen are asked
+#: for by turns, one for each band. Chosen: memory alone.
+_BEAMS = 24
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
@@ -127,7 +130,7 @@ class _Tables:
         self.light = lru_cache(_REMEMBERED)(self._light)
         # What does not change with the water, or with the lamp, in the steps of a fit.
         self._paths = lru_cache(_PATHS)(self._paths_to)
-        self._sent = lru_cache(_STEPS)(self._sent_along)
+        self._sent = lru_cache(_BEAMS)(self._sent_along)
         self._spreads = lru_cache(_SPREADS)(self._spread)
 
     def _light(
