@@ -56,6 +56,7 @@ UNMET: Mapping[str, Hinders] = {
     "spectral": Hinders.FEW_WAVELENGTHS,
     "overlap": Hinders.NO_OVERTONE,
     "absolute": Hinders.RELATIVE,
+    "relative": Hinders.ABSOLUTE,
     "formula_beam": Hinders.TABLE_BEAM,
     "known_base": Hinders.ABSORPTION_FREE,
 }
@@ -110,6 +111,7 @@ class Setting:
             "off_axis": bool(layout.angle_rad.max() > LEAST_RANGE),
             "time": layout.has_time,
             "absolute": self.absolute,
+            "relative": not self.absolute,
             "tank": self.scene.tank is not None,
             "mirror": self.scene.tank is None or applies(self.scene),
             "water": bool((~layout.air).any()),

@@ -23,6 +23,7 @@ class Hinders(str, Enum):
     FEW_WAVELENGTHS = "fewer than three wavelengths"
     NO_OVERTONE = "no wavelength twice another"
     RELATIVE = "relative scale"
+    ABSOLUTE = "absolute scale"
     TABLE_BEAM = "beam is a table"
     ABSORPTION_FREE = "absorption free at every wavelength"
     NOT_TRACED = "not traced"
@@ -83,6 +84,8 @@ _WORDS = {
     Hinders.FEW_WAVELENGTHS: "needs readings at three wavelengths or more",
     Hinders.NO_OVERTONE: "no wavelength is twice another, or more",
     Hinders.RELATIVE: "the readings are on a relative scale",
+    Hinders.ABSOLUTE: "the readings are on an absolute scale, where the lamp's spectrum is asked about; say "
+    "that they are relative",
     Hinders.TABLE_BEAM: "the scene's beam is a table, which is no Gaussian; how it differs is beam_profile",
     Hinders.ABSORPTION_FREE: "the absorption is free at every wavelength; give the scene a base water "
     "spectrum",

@@ -45,6 +45,7 @@ Need = Literal[
     "formula_beam",
     "off_axis",
     "absolute",
+    "relative",
 ]
 
 
