@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
-from lightfield.diagnosis.search.pool.gains_or_water import water_may_do_it
+from lightfield.diagnosis.search.pool.gains_or_water import ABSORPTION, water_may_do_it
 from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
@@ -35,6 +36,9 @@ PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
 #: set is called very strong (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572). With half of it one
 #: of ten campaigns is told other alternatives, with twice none.
 FAMILY = 10.0
+#: Readings tell the scene's absorption from none by so many standard errors. Chosen: water whose scene is a
+#: quarter off ends at none by chance in one of ten thousand.
+_TELLS = 5.0
 #: What stands in for gains of planes: an attenuation that changes along the tank.
 _K_OF_Z = ("attenuation_profile",)
 
@@ -254,7 +258,7 @@ def _left(weighing: Weighing) -> float:
 
 
 def _at_edge(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
-    """Does an amplitude lie at a bound of what is plausible, or the beam that all effects act on?
+    """Does an amplitude lie at a bound of what is plausible, or the beam or water that all effects act on?
 
     Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
     """
@@ -263,7 +267,7 @@ def _at_edge(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     # reaches there it may be without end, and what is known of directions is what is found beside it.
     open_ = candidate.effect.of_direction and width_reaches_its_end(pool, node)
     at_end = any(p.path in node.bounded for c in forms for p in c.amplitudes)
-    return at_end or open_ or WIDTH in node.bounded
+    return at_end or open_ or WIDTH in node.bounded or absorbs_nothing(pool, node)
 
 
 def width_reaches_its_end(pool: Pool, node: FittedSet) -> bool:
@@ -275,6 +279,20 @@ def width_reaches_its_end(pool: Pool, node: FittedSet) -> bool:
     parameter, u = fit.model.parameters[i], float(fit.u[i])
     sigma = float(np.sqrt(fit.covariance(pool.ground.phi)[i, i]))
     return min(u - parameter.low, parameter.high - u) < sigma
+
+
+def absorbs_nothing(pool: Pool, node: FittedSet) -> bool:
+    """Does the water absorb nothing, though by its scene it should, and the readings could tell?
+
+    All effects of such a set may make up for what the water does.
+    """
+    if ABSORPTION not in node.bounded:
+        return False
+    fit = node.fit
+    i = fit.paths.index(ABSORPTION)
+    own = beside(orthonormal(fit.jacobian[:, ~fit.at_bound()], INDEPENDENT), fit.jacobian[:, i : i + 1])
+    away = pool.problem.forward.scene.water.absorption_per_m - fit.values[ABSORPTION]
+    return bool(away * np.linalg.norm(own) > _TELLS * np.sqrt(pool.ground.phi))
 
 
 def _forms(

@@ -13,7 +13,7 @@ from lightfield.formula.path import attenuation_per_m
 #: Water between two planes amplifies where its attenuation is so many of its standard errors below zero.
 #: Chosen: by chance once in 2000 scans of fifteen planes.
 _AMPLIFIES = 4.0
-_ABSORPTION = "water.absorption_per_m"
+ABSORPTION = "water.absorption_per_m"
 
 
 def water_may_do_it(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
@@ -38,8 +38,8 @@ def water_may_do_it(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     moved = np.zeros((len(slopes), len(fit.paths)))
     for k, path in enumerate(basis.paths):
         moved[:, fit.paths.index(path)] = -slopes[:, k]
-    if _ABSORPTION in fit.paths:
-        moved[:, fit.paths.index(_ABSORPTION)] = 1.0
+    if ABSORPTION in fit.paths:
+        moved[:, fit.paths.index(ABSORPTION)] = 1.0
     water = problem.forward.scenes.at(fit.values, validate=False).water
     least = float(np.min(attenuation_per_m(water, problem.forward.light.diffuse.wavelengths_nm)))
     between = least - slopes @ basis.amplitudes(fit.values)
