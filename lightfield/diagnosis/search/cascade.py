@@ -30,12 +30,12 @@ from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at, ju
 from lightfield.diagnosis.search.search_progress import SILENT, Progress
 from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic, scale_of_errors, weights
 from lightfield.diagnosis.search.small_sets import (
+    SINGLES_TESTED,
     accepted,
     at_lowest_minima,
     fit_pairs,
     fit_singles,
-    search_pairs,
-    search_singles,
+    searched,
 )
 from lightfield.fitting.least_squares import Fit, Whiten
 
@@ -349,7 +349,8 @@ def search(
         began("one effect at a time", level.tolerance)
         fits = fit_singles(problem, level.bench.test, level.base, level.adequacy, known)
         tried(fits)
-        return fits, search_singles(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
+        own = OwnErrors(prepared, level.bench, rng)
+        return fits, searched(problem, level.bench.test, fits, own, SINGLES_TESTED)
 
     def two_more(
         level: Level, singles: list[ScoredSet], known: Sequence[FittedSet]
@@ -357,7 +358,7 @@ def search(
         began("two effects at a time", level.tolerance)
         fits = fit_pairs(problem, level.bench.test, level.base, level.adequacy, singles, known)
         tried(fits)
-        return fits, search_pairs(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
+        return fits, searched(problem, level.bench.test, fits, OwnErrors(prepared, level.bench, rng))
 
     fitted, singles = one_more(exact, prepared.known)
     if found := accepted(singles, level_alpha):

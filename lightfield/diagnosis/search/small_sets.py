@@ -26,7 +26,7 @@ FAR_BEHIND = 25.0
 #: How many pairs are begun, of those that look best at the base model and beside a single effect, of so many
 #: single effects; how many explanations are tested, and how many singles however far behind. Chosen: time
 #: against thoroughness.
-_PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED, _SINGLES_TESTED = 8, 16, 7, 14, 3
+_PAIRS_FROM_BASE, _PAIRS_FROM_SINGLES, _SINGLES_EXTENDED, _TESTED, SINGLES_TESTED = 8, 16, 7, 14, 3
 #: Steps after which a pair shows what it is worth, anew and when it was fitted before under other errors; how
 #: many are then fitted to the end, and how many when that will do. Chosen: time against thoroughness; on half
 #: and twice of the first no answer hangs (test_cascade.py).
@@ -163,13 +163,13 @@ def _pairs_at_base(problem: Problem, base: Fit, at: Adequacy) -> list[tuple[floa
     return found
 
 
-def _tested(tried: list[ScoredSet], at_least: int, at_most: int) -> list[ScoredSet]:
+def _tested(tried: list[ScoredSet], at_least: int) -> list[ScoredSet]:
     """Tests in the order of BIC until the rest is far behind."""
     ranked = sorted(tried, key=lambda t: t.bic)
     out = []
     for i, one in enumerate(ranked):
         near = one.bic - ranked[0].bic < FAR_BEHIND or i < at_least
-        tested = near and i < at_most and one.test is not None
+        tested = near and i < _TESTED and one.test is not None
         out.append(replace(one, adequacy=one.test(one.fit)) if tested and one.test else one)
     return out
 
@@ -194,11 +194,11 @@ def _ranked(
     return [ScoredSet(e, f, bic(f, e, phi, n) + growth, None, mine) for e, f, mine, growth in made]
 
 
-def search_singles(
-    problem: Problem, test: AdequacyTest, fits: list[FittedSet], own: UnderOwnErrors
+def searched(
+    problem: Problem, test: AdequacyTest, fits: list[FittedSet], own: UnderOwnErrors, at_least: int = 1
 ) -> list[ScoredSet]:
-    """Single effects, best first, the near ones tested."""
-    return _tested(_ranked(problem, test, fits, own), _SINGLES_TESTED, _TESTED) if fits else []
+    """Sets of effects, best first, the near ones tested, and so many however far behind."""
+    return _tested(_ranked(problem, test, fits, own), at_least) if fits else []
 
 
 def fit_pairs(
@@ -252,13 +252,6 @@ def fit_pairs(
             again = restarted(problem, one.explanation, one.fit, test.whiten)
             finished[i] = FittedSet(one.explanation, again)
     return finished
-
-
-def search_pairs(
-    problem: Problem, test: AdequacyTest, fits: list[FittedSet], own: UnderOwnErrors
-) -> list[ScoredSet]:
-    """Pairs of effects, best first, the near ones tested."""
-    return _tested(_ranked(problem, test, fits, own), 1, _TESTED) if fits else []
 
 
 def accepted(tried: list[ScoredSet], alpha: float) -> list[ScoredSet]:

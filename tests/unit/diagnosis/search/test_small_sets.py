@@ -16,8 +16,7 @@ from lightfield.diagnosis.search.small_sets import (
     accepted,
     fit_pairs,
     fit_singles,
-    search_pairs,
-    search_singles,
+    searched,
 )
 from lightfield.fitting.effects import Effect
 
@@ -80,11 +79,11 @@ def test_two_effects_that_hide_each_other_are_found_as_a_pair() -> None:
     problem = made.drawn(np.random.default_rng(0), odd=40.0, twin=40.0, rows=1.0)
     test, base, at_base = ready(made, problem)
     own = cast(Any, NoDiffuseLight())
-    singles = search_singles(problem, test, fit_singles(problem, test, base, at_base), own)
+    singles = searched(problem, test, fit_singles(problem, test, base, at_base), own)
     assert base.chi2 - min(s.fit.chi2 for s in singles) < 0.7 * (base.chi2 - 60)
     at_once = fit_pairs(problem, test, base, at_base, [])
     assert {c.name for c in at_once[0].explanation} == {"odd", "twin"}, "by both templates at the base model"
-    pairs = search_pairs(problem, test, fit_pairs(problem, test, base, at_base, singles), own)
+    pairs = searched(problem, test, fit_pairs(problem, test, base, at_base, singles), own)
     assert pairs[0].names == ("odd", "twin")
     found, _, chi2 = made.regression(problem, "odd", "twin")
     assert pairs[0].fit.chi2 == pytest.approx(chi2, rel=1e-3)
@@ -96,9 +95,7 @@ def test_the_best_single_effect_is_the_one_that_is_there() -> None:
     made = toy()
     problem = made.drawn(np.random.default_rng(2), dusk=3.0)
     test, base, at_base = ready(made, problem)
-    singles = search_singles(
-        problem, test, fit_singles(problem, test, base, at_base), cast(Any, NoDiffuseLight())
-    )
+    singles = searched(problem, test, fit_singles(problem, test, base, at_base), cast(Any, NoDiffuseLight()))
     assert singles[0].names == ("dusk",) and singles[0].accepted(0.01)
     assert singles[0].bic == pytest.approx(
         made.regression(problem, "dusk")[2] / singles[0].adequacy.phi + np.log(60), rel=1e-3
@@ -133,8 +130,8 @@ def test_explanations_by_diffuse_light_are_ranked_with_the_growth_of_their_error
             return test, fit, 7.0
 
     others = [one for one in fits if one.explanation[0] is not haze]
-    plain = {t.names: t.bic for t in search_singles(problem, test, others, cast(Any, NoDiffuseLight()))}
-    ranked = search_singles(problem, test, fits, Own())
+    plain = {t.names: t.bic for t in searched(problem, test, others, cast(Any, NoDiffuseLight()))}
+    ranked = searched(problem, test, fits, Own())
     assert asked == ["odd"]
     found = {t.names: t for t in ranked}
     phi = test(found["odd",].fit).phi
