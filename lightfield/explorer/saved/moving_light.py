@@ -12,6 +12,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import FitError
+from lightfield.explorer.evaluation import formula
 from lightfield.explorer.experiment import Experiment
 from lightfield.explorer.saved.packed_arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
@@ -75,12 +76,7 @@ def ranges_at_stop(values: Mapping[str, float]) -> dict[str, tuple[float, float]
 
 def fixed_light(forward: SceneForward, values: Mapping[str, float], arrays: PackedArrays) -> dict[str, Any]:
     """Readings and formula as numbers."""
-    light = forward.light
-    direct = light.direct(light.scenes.at(values, validate=False), forward.readings)
-    return {
-        "fixed": arrays.add(forward.predict(values)),
-        "formula": arrays.add(forward.reader.read(direct, values)),
-    }
+    return {"fixed": arrays.add(forward.predict(values)), "formula": arrays.add(formula(forward, values))}
 
 
 def moving_light(
