@@ -93,19 +93,20 @@ def docking_reach(scene: Scene, from_m: float, to_m: float, *, photons: float) -
     return next(r for r in pose_reaches(data, np.linspace(from_m, to_m, SCAN)) if r.name == "pose")
 
 
+def logarithm(data: xr.Dataset, name: str) -> CubicSpline:
+    """Of a variable over distance, between its distances."""
+    return CubicSpline(data.z_m.values, np.log(data[name].values))
+
+
 def pose_reaches(data: xr.Dataset, fine: Array) -> list[Reach]:
     """By the standard errors of `sigmas`, one rule after the other and all together."""
     z, rules = data.z_m.values, list[Reach]()
-
-    def curve(name: str) -> CubicSpline:
-        return CubicSpline(z, np.log(data[name].values))
-
     for suffix in ("", RELATIVE):
         over, doubts, straight = [], [], []
         for axis, (_, unit, limit) in POSE_RULES.items():
             name = f"sigma_{axis}{suffix}"
             own, formula = (
-                curve(f"{name}{which}_{unit}")(fine) - np.log(limit) for which in ("", "_formula")
+                logarithm(data, f"{name}{which}_{unit}")(fine) - np.log(limit) for which in ("", "_formula")
             )
             relative = data[f"{name}_stderr_{unit}"].values / data[f"{name}_{unit}"].values
             over.append(own)

@@ -39,6 +39,7 @@ from lightfield.studies.working_range.reaches import (
     SCAN,
     Reach,
     last_place,
+    logarithm,
     place_error,
     pose_reaches,
     pose_sigmas,
@@ -200,13 +201,8 @@ def working_range(
 
 def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: float) -> tuple[Reach, ...]:
     """Every rule's distance, with scattered light and by the formula."""
-    z = data.z_m.values
-
-    def curve(name: str) -> CubicSpline:
-        return CubicSpline(z, np.log(data[name].values))
-
-    error = CubicSpline(z, data.light_stderr.values / data.light.values)
-    light, formula = curve("light"), curve("formula")
+    error = CubicSpline(data.z_m.values, data.light_stderr.values / data.light.values)
+    light, formula = logarithm(data, "light"), logarithm(data, "formula")
     rules: list[Reach] = []
     for name, level in (("light", share), ("signal", snr * noise)):
         at = last_place(light, np.log(level), fine)
