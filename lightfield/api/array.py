@@ -19,7 +19,7 @@ from lightfield.studies import defaults
 from lightfield.studies.follower import survey
 from lightfield.studies.follower.array_light import Space
 from lightfield.studies.follower.design import compared, exchange
-from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.frames import printed
 from lightfield.studies.follower.survey import DOCKING, DOCKING_ASKS
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Arrays", "Survey", "compare", "optimise", "show"]
 
-PHOTONS = FIELD_PHOTONS
 Medium = Literal["water", "air"]
 
 
@@ -43,7 +42,7 @@ def space_and_light(
     scene: Scene | AnyPath,
     half_width: float = defaults.HALF_WIDTH_M,
     medium: Medium = defaults.MEDIUM,
-    max_photons: float = PHOTONS,
+    max_photons: float = FIELD_PHOTONS,
     seed: int = 0,
     trace: bool = True,
 ) -> tuple[Scene, SpaceAndLight]:
@@ -56,12 +55,7 @@ def space_and_light(
 
 def sigma_columns(sigma: Mapping[str, float]) -> dict[str, float]:
     """Standard deviations of a pose, given in m and rad, as columns in m and degrees."""
-    return {
-        f"sigma_{name}_{'m' if name in POSE[:3] else 'deg'}": value
-        if name in POSE[:3]
-        else float(np.degrees(value))
-        for name, value in sigma.items()
-    }
+    return {f"sigma_{name}": value for name, value in printed(sigma).items()}
 
 
 class Survey(OverAxes[survey.Survey], ToldByDetails[survey.Survey]):
@@ -136,7 +130,7 @@ def show(
     *,
     half_width: float = defaults.HALF_WIDTH_M,
     medium: Medium = defaults.MEDIUM,
-    max_photons: float = PHOTONS,
+    max_photons: float = FIELD_PHOTONS,
     seed: int = 0,
     trace: bool = True,
 ) -> Survey:
@@ -172,7 +166,7 @@ def compare(
     task: compared.Task = defaults.TASK,
     half_width: float = defaults.HALF_WIDTH_M,
     medium: Medium = defaults.MEDIUM,
-    max_photons: float = PHOTONS,
+    max_photons: float = FIELD_PHOTONS,
     seed: int = 0,
     trace: bool = True,
 ) -> Arrays:
@@ -216,7 +210,7 @@ def optimise(
     task: compared.Task = defaults.TASK,
     half_width: float = defaults.HALF_WIDTH_M,
     medium: Medium = defaults.MEDIUM,
-    max_photons: float = PHOTONS,
+    max_photons: float = FIELD_PHOTONS,
     seed: int = 0,
     trace: bool = True,
 ) -> Arrays:

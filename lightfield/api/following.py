@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import pandas as pd
 import xarray as xr
 
-from lightfield.api.array import PHOTONS
 from lightfield.api.given import AnyPath, by_name, checked, names_in, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import ToldByDetails
 from lightfield.arrays import finite
 from lightfield.errors import UsageError
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.defaults import RUNS
 from lightfield.studies.following import study
@@ -76,7 +76,7 @@ def follow(
     believe: str | Sequence[str] = (),
     runs: int = RUNS,
     duration: float | None = None,
-    max_photons: float = PHOTONS,
+    max_photons: float = FIELD_PHOTONS,
     seed: int = 0,
     trace: bool = True,
 ) -> Following:

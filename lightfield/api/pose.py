@@ -9,15 +9,16 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from lightfield.api.array import PHOTONS, Medium, sigma_columns, space_and_light
+from lightfield.api.array import Medium, sigma_columns, space_and_light
 from lightfield.api.given import AnyPath, checked
 from lightfield.api.result import OverAxes, ToldByDetails
 from lightfield.errors import UsageError
+from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.defaults import HALF_WIDTH_M, MEDIUM
 from lightfield.studies.follower import bias as biases
 from lightfield.studies.follower import sequence
-from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.frames import POSE, in_degrees, with_units
 
 if TYPE_CHECKING:
     from lightfield.report.style import Axes
@@ -46,7 +47,7 @@ class Poses(ToldByDetails[sequence.Poses]):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per reading: pose with its standard deviations, m and degrees, and whether it fits."""
-        units = [f"{name}_{'m' if name in POSE[:3] else 'deg'}" for name in POSE]
+        units = with_units(POSE)
         rows = []
         for time, one in zip(self.details.time_s, self.details.estimates, strict=True):
             row: dict[str, Any] = {"time_s": float(time), "status": "light lost" if one.lost else one.status}
@@ -107,7 +108,7 @@ def estimate(
     filter: bool = False,
     half_width: float = HALF_WIDTH_M,
     medium: Medium = MEDIUM,
-    max_photons: float = PHOTONS,
+    max_photons: float = FIELD_PHOTONS,
     seed: int = 0,
     trace: bool = True,
 ) -> Poses:
@@ -141,7 +142,7 @@ def bias(
     scattering: Sequence[float] | None = None,
     half_width: float = HALF_WIDTH_M,
     medium: Medium = MEDIUM,
-    max_photons: float = PHOTONS,
+    max_photons: float = FIELD_PHOTONS,
     seed: int = 0,
     trace: bool = True,
 ) -> Bias:

@@ -9,7 +9,7 @@ section 2.2, ZYX).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -50,6 +50,17 @@ def poses_on_axis(lamp: Lamp, z_m: Array) -> Array:
 def in_degrees(pose: Array) -> Array:
     """Poses, m and degrees, shape as given (..., 6)."""
     return np.concatenate([pose[..., :3], np.degrees(pose[..., 3:])], axis=-1)
+
+
+def with_units(names: Iterable[str]) -> list[str]:
+    """Names of coordinates of a pose with the units that they are printed in."""
+    return [f"{name}_m" if name in POSE[:3] else f"{name}_deg" for name in names]
+
+
+def printed(sigma: Mapping[str, float]) -> dict[str, float]:
+    """Standard deviations, given in m and rad, in m and degrees, by names with units."""
+    values = [v if name in POSE[:3] else np.degrees(v) for name, v in sigma.items()]
+    return dict(zip(with_units(sigma), map(float, values), strict=True))
 
 
 def wrapped(angle_rad: Array) -> Array:

@@ -23,7 +23,7 @@ from lightfield.decompositions import eigen
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
-from lightfield.studies.follower.frames import POSE, in_degrees
+from lightfield.studies.follower.frames import POSE, in_degrees, printed, with_units
 
 #: Errors that a task feels alike, m and rad: 1 cm across, 10 cm along the beam, 1 degree (chosen).
 TASK_UNITS = dict(zip(POSE, (0.01, 0.01, 0.1, *np.radians([1.0, 1.0, 1.0])), strict=True))
@@ -108,9 +108,9 @@ class Bound:
         }
 
     def as_data(self) -> dict[str, Any]:
-        shown = {name: finite(v) for name, v in _printed(self.sigma).items()}
+        shown = {name: finite(v) for name, v in printed(self.sigma).items()}
         return {
-            "pose": dict(zip(_with_units(POSE), in_degrees(self.pose).tolist(), strict=True)),
+            "pose": dict(zip(with_units(POSE), in_degrees(self.pose).tolist(), strict=True)),
             "sigma": shown,
             "sigma_relative_error_of_trace": {name: finite(v) for name, v in self.doubt.items()},
             "nuisances": self.nuisances,
@@ -133,16 +133,6 @@ class Bound:
 def is_told(name: str, sigma: float) -> bool:
     """Is a coordinate known at all, if its standard deviation, m or rad, is this?"""
     return bool(sigma < (NOTHING_M if name in POSE[:3] else NOTHING_RAD))
-
-
-def _with_units(names: Sequence[str]) -> list[str]:
-    return [f"{name}_m" if name in POSE[:3] else f"{name}_deg" for name in names]
-
-
-def _printed(sigma: Mapping[str, float]) -> dict[str, float]:
-    """In m and degrees, by names with units."""
-    values = [v if name in POSE[:3] else np.degrees(v) for name, v in sigma.items()]
-    return dict(zip(_with_units(list(sigma)), map(float, values), strict=True))
 
 
 def _words(name: str, sigma: float) -> str:
