@@ -24,7 +24,7 @@ from lightfield.render.maps import render_scene
 from lightfield.render.reflected import orders, room
 from lightfield.render.reflected.reflected_light import ReflectedLight
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 HERE = Path(__file__).resolve().parent
 #: Width, depth, length (m), surface, wall albedo, half width (degrees), absorption (1/m).
@@ -212,8 +212,7 @@ def main() -> int:
         seeded=_rows(SEEDED, seeded),
     )
     args.page.mkdir(parents=True, exist_ok=True)
-    with atomic_path(args.page / "README.md") as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(args.page / "README.md", text)
     return 0
 
 

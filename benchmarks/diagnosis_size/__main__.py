@@ -30,7 +30,7 @@ from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 HERE = Path(__file__).resolve().parent
 SIZES = (300, 1000, 3000, 10_000, 20_000)
@@ -265,8 +265,7 @@ def main() -> None:
         print(json.dumps(row(*json.loads(args.row))))
         return
     text = page([int(n) for n in args.sizes.split(",")])
-    with atomic_path(HERE / "README.md") as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(HERE / "README.md", text)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Page, sync_playwright
 
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 ROOT, HERE = Path(__file__).resolve().parents[2], Path(__file__).resolve().parent
 CASES = {
@@ -197,15 +197,13 @@ def main() -> None:
         found = {}
         for case in CASES:  # written after each: this takes long
             found[case] = minute_by_minute(case, args.minutes)
-            with atomic_path(HERE / "memory.md") as temporary:
-                temporary.write_text(memory_text(found, args.minutes), encoding="utf-8")
+            write_text(HERE / "memory.md", memory_text(found, args.minutes))
         return
     results = {}
     for case in CASES:
         results[case] = measured(case, args.moves, args.many)
         print(case, json.dumps(results[case]), flush=True)
-    with atomic_path(HERE / "README.md") as temporary:
-        temporary.write_text(as_text(results, args.moves, args.many), encoding="utf-8")
+    write_text(HERE / "README.md", as_text(results, args.moves, args.many))
 
 
 if __name__ == "__main__":

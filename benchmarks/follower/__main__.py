@@ -22,7 +22,7 @@ from threadpoolctl import threadpool_limits
 from lightfield.formula.vector import direct_flux, on_receivers, with_back
 from lightfield.render.flux.traced_field import TracedField
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 from lightfield.studies.follower.array_light import ArrayModel, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design.compared import ArraySetting, judged_array, task_poses
@@ -226,8 +226,7 @@ def main() -> int:
         machine=f"{platform.machine()}, Python {platform.python_version()}",
         rows="\n".join(rows), notes="\n".join(notes),
     )  # fmt: skip
-    with atomic_path(args.page / "README.md") as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(args.page / "README.md", text)
     return 0
 
 

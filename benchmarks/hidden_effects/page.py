@@ -16,7 +16,7 @@ from scipy import stats
 from benchmarks.hidden_effects import judge, pictures
 from benchmarks.hidden_effects.catalogue import SEQUENCES
 from benchmarks.hidden_effects.scores import DELTAS, DISTANCES, of_stratum, rate, scores
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 Row = dict[str, Any]
 _FAILURES = 60
@@ -237,11 +237,9 @@ def write(rows: Sequence[Row], cases: Sequence[Row], planned: int, folder: Path)
     folder.mkdir(parents=True, exist_ok=True)
     rows = sorted(rows, key=lambda r: r["key"])
     text = markdown(rows, cases, planned)
-    with atomic_path(folder / "README.md") as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    with atomic_path(folder / "summary.json") as temporary:
-        told = json.dumps(_summary(rows, cases), separators=(",", ":")).replace('],["', '],\n["')
-        temporary.write_text(told + "\n", encoding="utf-8")
+    write_text(folder / "README.md", text)
+    told = json.dumps(_summary(rows, cases), separators=(",", ":")).replace('],["', '],\n["')
+    write_text(folder / "summary.json", told + "\n")
     pictures.confusion(rows, folder / "confusion.png")
     pictures.calibration(rows, folder / "calibration.png")
     wide = [f"{s.name:<58}{s.value:<44}{s.met}" for s in scores(rows)]

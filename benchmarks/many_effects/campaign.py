@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.hidden_effects.benches import CAMPAIGN, beam_of, number_of
 from lightfield.arrays import Array
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 #: How many sets are planned, half of them with scattered or reflected light.
 SETS = 200
@@ -103,8 +103,7 @@ def lamp_table(shape: str, bench: str, beam: int) -> Path:
         angle = q * beam_of(CAMPAIGN[bench], beam)["lamp.hwhm_deg"]
         rows = [f"{a:.6g},{v:.6g}" for a, v in zip(angle, value / value[0], strict=True)]
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_path(path) as temporary:
-            temporary.write_text("\n".join(["angle_deg,intensity", *rows]) + "\n", encoding="utf-8")
+        write_text(path, "\n".join(["angle_deg,intensity", *rows]) + "\n")
     return path
 
 

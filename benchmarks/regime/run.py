@@ -22,7 +22,7 @@ from lightfield.commands.sweep import as_text, cases_bar
 from lightfield.report.regime import regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import atomic_path, write_text
 from lightfield.studies.regime import ERRORS, depth_within, regime_of, regime_plan, rows
 from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.sweep_plan import SweepSettings
@@ -95,8 +95,7 @@ def main() -> None:
         table=reach_table(data), meaning=meaning(data), version=__version__, photons=settings.max_photons,
         traces=len(plan.traces), seed=settings.seed, noise=np.median(noise), worst=np.nanmax(noise),
     )  # fmt: skip
-    with atomic_path(args.output / "README.md") as temporary:
-        temporary.write_text(page, encoding="utf-8")
+    write_text(args.output / "README.md", page)
     print(page)
 
 

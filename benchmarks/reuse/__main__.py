@@ -21,7 +21,7 @@ from lightfield.render.diffuse.source import REFERENCE_ALBEDO
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import reference_of
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 from lightfield.sweep.sharing import MOST_SPREAD
 
 HERE = Path(__file__).resolve().parent
@@ -162,8 +162,7 @@ def main() -> int:
         fits="\n".join(fits), n_fits=len(over), over=sum(over), albedo=REFERENCE_ALBEDO, clear=CLEAR_PER_M,
     )  # fmt: skip
     args.page.mkdir(parents=True, exist_ok=True)
-    with atomic_path(args.page / "README.md") as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(args.page / "README.md", text)
     return 0
 
 

@@ -20,7 +20,7 @@ from benchmarks.scattering_fits.page import FOUND, MODES, page
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.render.diffuse.source import response_for
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import atomic_path, write_text
 
 STORE = HERE / "found.csv"
 
@@ -64,8 +64,7 @@ def main() -> None:
                 rows.append(row_of(case, seed, mode, found, time.process_time() - begun))
                 save(rows)
                 print(rows[-1], flush=True)
-    with atomic_path(HERE / "README.md") as temporary:
-        temporary.write_text(page(rows))
+    write_text(HERE / "README.md", page(rows))
 
 
 def load() -> list[dict[str, str]]:

@@ -12,7 +12,7 @@ import numpy as np
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 HERE = Path(__file__).resolve().parent
 PLANES_M = (3.5, 4.5, 5.5, 6.5, 7.5, 8.5)
@@ -125,9 +125,8 @@ def field(case: Case, walk: bool) -> np.ndarray:
                 len(case.absorptions), *case.absorptions, len(PLANES_M), *PLANES_M, len(rings), *rings, *tank,
             )  # fmt: skip
             made = subprocess.run([program, *map(str, numbers)], check=True, capture_output=True, text=True)
-        with atomic_path(path) as temporary:
-            head = "z_m,r_m" + ",irradiance,stderr" * len(case.absorptions)
-            temporary.write_text(f"{head}\n{made.stdout}")
+        head = "z_m,r_m" + ",irradiance,stderr" * len(case.absorptions)
+        write_text(path, f"{head}\n{made.stdout}")
     return np.loadtxt(path, delimiter=",", skiprows=1)
 
 

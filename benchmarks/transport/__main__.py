@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.transport import mcx, ours, report
 from lightfield.render.backend import use_backend
 from lightfield.storage.cache import cache_dir
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 HERE = Path(__file__).resolve().parent
 TANK = {"width_m": 3.6, "depth_m": 2.4, "lamp_depth_m": 1.2, "length_m": 9.0, "behind_lamp_m": 0.0}
@@ -63,8 +63,7 @@ def main() -> None:
     options.output.mkdir(parents=True, exist_ok=True)
     table = report.table(result)
     for name, text in (("results.json", json.dumps(result, indent=1) + "\n"), ("results.md", table)):
-        with atomic_path(options.output / name) as temporary:
-            temporary.write_text(text)
+        write_text(options.output / name, text)
     print(table)
     print(f"written to {options.output}")
 

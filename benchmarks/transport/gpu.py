@@ -22,7 +22,7 @@ from lightfield.render.backend import use_backend
 from lightfield.render.backend.cuda import cuda_problem
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 HERE = Path(__file__).resolve().parent
 #: Photons that are timed, and of each of the seeds that are compared.
@@ -122,8 +122,7 @@ def main() -> None:
     found = {name: {kind: in_fresh_process(name, kind) for kind in ("cuda", "llvm")} for name in SCENES}
     os.environ["LIGHTFIELD_BACKEND"] = "llvm"
     text = table(_card(), report.machine(use_backend()), found)
-    with atomic_path(options.output) as temporary:
-        temporary.write_text(text)
+    write_text(options.output, text)
     print(text)
 
 

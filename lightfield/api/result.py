@@ -8,6 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+from lightfield.storage.files import write_text
+
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
@@ -108,9 +110,7 @@ class Result(ABC, Generic[Details]):
         OutputError
             The file cannot be written.
         """
-        from lightfield.report.page import write_page
-
-        return write_page(self._page(), path)
+        return write_text(path, self._page())
 
     def summary(self) -> pd.DataFrame:
         """The few rows that a notebook shows."""

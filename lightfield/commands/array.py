@@ -12,7 +12,7 @@ from lightfield.commands.shared.options import add_answer, add_option, given
 from lightfield.commands.shared.progress import progress_of
 from lightfield.commands.shared.ranges import check_ranges
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 from lightfield.studies import defaults
 
 
@@ -101,6 +101,5 @@ def _optimise(scene: Scene, args: argparse.Namespace) -> int:
         )
     if args.table:
         best = next(one for one in answer.details.arrays if one.name == BEST)
-        with atomic_path(args.table) as temporary:
-            temporary.write_text(best.elements.as_csv(), encoding="utf-8")
+        write_text(args.table, best.elements.as_csv())
     return answered(args, answer)

@@ -20,7 +20,7 @@ from lightfield.render.limits import AT_READINGS
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
-from lightfield.storage.files import locked_folder, output_file
+from lightfield.storage.files import locked_folder, output_file, write_text
 from lightfield.studies.defaults import SOLVER
 
 if TYPE_CHECKING:
@@ -164,12 +164,11 @@ def _readings(args: argparse.Namespace) -> int:
 def _page(report: FitReport, args: argparse.Namespace) -> Path:
     """The folder's page, with a rung more."""
     from lightfield.report.compare.readings_page import readings_page
-    from lightfield.report.page import write_page
 
     known = ledger.readings_hash(report.model.forward.readings)
     rungs = [entry for entry in ledger.entries(args.output) if entry.get("readings") == known]
     title = f"{args.what.name}, climbed by hand"
-    return write_page(readings_page(report, rungs, title), args.output / "index.html")
+    return write_text(args.output / "index.html", readings_page(report, rungs, title))
 
 
 def _fit(

@@ -20,7 +20,7 @@ from lightfield.fitting.effects import all_of, curves
 from lightfield.readings import Readings, read_table
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
-from lightfield.storage.files import atomic_path, locked_folder, output_file
+from lightfield.storage.files import locked_folder, output_file, write_text
 
 #: Of a ladder: the base model and eight effects.
 MOST_RUNGS = 9
@@ -108,8 +108,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
         command = f"diagnose {args.data.name} --scene {args.scene.name}"
         found = found.save(args.output, command, args.effects_file)
     if args.json:
-        with atomic_path(args.json) as temporary:
-            temporary.write_text(found.verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        write_text(args.json, found.verdict.model_dump_json(indent=2) + "\n")
     print(found.as_text())
     if found.older:
         print(f"of earlier runs, not touched: {', '.join(found.older)}")

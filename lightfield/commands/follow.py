@@ -14,7 +14,7 @@ from lightfield.commands.shared.ranges import check_ranges
 from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Follower, Scene
-from lightfield.storage.files import atomic_path, output_folder
+from lightfield.storage.files import atomic_path, output_folder, write_text
 from lightfield.studies.defaults import RUNS
 from lightfield.sweep.axes import FORMS, parse_axis
 
@@ -110,7 +110,6 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
             write_json(as_data(data), args.json)
         if args.report:
             from lightfield.report.follower.follow_page import follow_sweep_page
-            from lightfield.report.page import write_page
 
-            print(f"report: {write_page(follow_sweep_page(data), args.report).resolve()}")
+            print(f"report: {write_text(args.report, follow_sweep_page(data)).resolve()}")
     return 1 if done.failed else 0

@@ -47,7 +47,7 @@ from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.render.limits import AT_READINGS
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 #: Effects of the user's own to begin with, where those of the table explain nothing.
 HYPOTHESES = "hypotheses.toml"
@@ -240,20 +240,15 @@ class Diagnosis:
         spectrum = save_spectrum(self.forward, last, target)
         before -= {table.name for table in (lamp, spectrum) if table}
         if curves := fitted_curves(self.forward, last, self.finding.level.phi):
-            with atomic_path(target / CURVES) as temporary:
-                data = [curve.as_data() for curve in curves]
-                temporary.write_text(json.dumps(data, indent=2) + "\n", encoding="utf-8")
+            data = [curve.as_data() for curve in curves]
+            write_text(target / CURVES, json.dumps(data, indent=2) + "\n")
             before.discard(CURVES)
         read = effects_file is not None and Path(effects_file).resolve() == (target / HYPOTHESES).resolve()
         if verdict.verdict == Kind.UNEXPLAINED and not read:
-            with atomic_path(target / HYPOTHESES) as temporary:
-                temporary.write_text(
-                    as_file(ranked(local_unknowns(self.readings), verdict.left_over)), encoding="utf-8"
-                )
+            write_text(target / HYPOTHESES, as_file(ranked(local_unknowns(self.readings), verdict.left_over)))
         if verdict.verdict == Kind.UNEXPLAINED or read:
             before.discard(HYPOTHESES)
-        with atomic_path(target / VERDICT) as temporary:
-            temporary.write_text(verdict.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        write_text(target / VERDICT, verdict.model_dump_json(indent=2) + "\n")
         ledger.add_rungs(target, rows, command, known)
         return replace(self, verdict=verdict, older=tuple(sorted(before)))
 

@@ -24,7 +24,7 @@ from lightfield.readings import Readings, write_table
 from lightfield.render.limits import MADE_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.curve import sum_of
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 #: A hidden effect is this many times its typical size, log-uniform.
 STRENGTH = (2.0, 20.0)
@@ -96,8 +96,7 @@ class Hidden:
         replaced_in(target)
         self.believed.save(target / "scene.toml")
         write_table(self.readings, target / "data.csv")
-        with atomic_path(target / "truth.json") as temporary:
-            temporary.write_text(json.dumps(self.truth, indent=2) + "\n", encoding="utf-8")
+        write_text(target / "truth.json", json.dumps(self.truth, indent=2) + "\n")
         return target
 
 

@@ -21,7 +21,7 @@ from lightfield.scene.bands import refuse_unlit
 from lightfield.scene.spectral.peaks import LEDS, peaks_of
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.library import list_presets, preset_name
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 SCENE, LAYOUT, READINGS = "scene.toml", "layout.csv", "readings.csv"
 #: What lamps are called, and the spectrum that they have.
@@ -92,8 +92,7 @@ class NewTank:
                 remedy="choose another folder",
             )
         for name, text in texts.items():
-            with atomic_path(targets[name]) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+            write_text(targets[name], text)
         return targets
 
 

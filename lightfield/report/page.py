@@ -6,7 +6,6 @@ The page of a study is a sentence that answers, then sections with figures, word
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoes
 from matplotlib.figure import Figure
 
 from lightfield.report.style import to_svg
-from lightfield.storage.files import atomic_path
 from lightfield.version import __version__
 
 _FOLDER = Path(__file__).parent / "templates"
@@ -131,10 +129,3 @@ def study_page(
         title=title, verdict=verdict, lead=lead, sections=sections,
         scene_toml=scene_toml, provenance=provenance,
     )  # fmt: skip
-
-
-def write_page(html: str, path: str | os.PathLike[str]) -> Path:
-    """Write a page, whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(html, encoding="utf-8")
-    return Path(path)

@@ -43,7 +43,7 @@ from lightfield.scene.tank import Tank
 from lightfield.scene.water.coefficients import clearest_in
 from lightfield.scene.water.water import Water
 from lightfield.storage import inputs, toml
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 __all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene", "Tank", "Water"]
 
@@ -223,8 +223,7 @@ class Scene(Part):
             return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else table
 
         change_tables(self, data, named)
-        with atomic_path(path) as temporary:
-            temporary.write_text(tomli_w.dumps(data), encoding="utf-8")
+        write_text(path, tomli_w.dumps(data))
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:

@@ -200,6 +200,19 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def write_text(path: str | os.PathLike[str], text: str) -> Path:
+    """Write a text in UTF-8, whole or not at all; its path.
+
+    Raises
+    ------
+    OutputError
+        As `atomic_path`.
+    """
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="")
+    return Path(path)
+
+
 def _no_room(error: OSError | RuntimeError, file: Path) -> OSError | None:
     """The error of a full disk, quota or size limit behind an error, if that is what it is.
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lightfield.arrays import jsonable
-from lightfield.storage.files import atomic_path, output_file
+from lightfield.storage.files import output_file, write_text
 
 if TYPE_CHECKING:
     from lightfield.api.result import Result
@@ -47,6 +47,4 @@ def _show_page(args: Namespace, answer: Result[Any]) -> None:
 
 def write_json(data: object, path: Path) -> None:
     """Indented, whole or not at all; what is no finite number is null."""
-    with atomic_path(path) as temporary:
-        text = json.dumps(jsonable(data), indent=2, allow_nan=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
+    write_text(path, json.dumps(jsonable(data), indent=2, allow_nan=False) + "\n")

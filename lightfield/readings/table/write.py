@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from os import PathLike, fspath
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ import tomli_w
 from lightfield.errors import OutputError
 from lightfield.readings.columns import COLUMNS, DEFAULTS, REQUIRED, TERMS, WORDS
 from lightfield.readings.readings import Readings
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 _UNWRITABLE = re.compile(r"[\x00-\x1f\x7f]")
 
@@ -27,9 +27,7 @@ def write_table(readings: Readings, path: str | PathLike[str]) -> None:
     OutputError
         The file cannot be written, or its texts cannot stand in a CSV file with a TOML head.
     """
-    content = dumps(readings)
-    with atomic_path(fspath(path)) as temporary:
-        temporary.write_text(content, encoding="utf-8", newline="")
+    write_text(path, dumps(readings))
 
 
 def dumps(readings: Readings) -> str:

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 from lightfield.storage.cache import cache_dir
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 VARIANT = "cuda_ad_spectral"
 TRIAL_TIMEOUT_S = 180
@@ -42,8 +42,7 @@ def cuda_problem() -> str:
         return ""
     problem = trial_problem(VARIANT)
     if not problem and remembered is not None:
-        with atomic_path(remembered) as path:
-            path.write_text("works\n")
+        write_text(remembered, "works\n")
     return problem
 
 

@@ -12,8 +12,9 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
-from lightfield.report.page import fill, page_figure, three_digits, write_page
+from lightfield.report.page import fill, page_figure, three_digits
 from lightfield.report.style import SHORT_UNITS, save_png
+from lightfield.storage.files import write_text
 from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
 from lightfield.studies.compare.rings import BEYOND, ERROR_LEVELS
 from lightfield.wording import capital, minus, plain
@@ -149,7 +150,7 @@ def write_comparison(
 ) -> list[Path]:
     """Write the page and its figures as PNG into a folder; the page comes first in the result."""
     target = Path(folder)
-    files = [write_page(comparison_page(comparison, attributes), target / "index.html")]
+    files = [write_text(target / "index.html", comparison_page(comparison, attributes))]
     for wavelength in comparison.wavelengths_nm:
         planes = comparison.at(wavelength)
         drawings = {

@@ -14,7 +14,7 @@ from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import SHARED_ERROR
 from lightfield.scene.lamp.profile import sections_of
 from lightfield.scene.lamp.spectrum import knots_nm, spectral_power
-from lightfield.storage.files import atomic_path
+from lightfield.storage.files import write_text
 
 #: Even steps up to the last angle that counts, then ever larger ones to the side: linear between them, a beam
 #: is right to 1e-3 of its axis (test_curve.py).
@@ -70,9 +70,7 @@ def save_intensity(
             columns[f"{SHARED_ERROR}{k}"] = error
     rows = [",".join(f"{v:.8g}" for v in row) for row in zip(*columns.values(), strict=True)]
     lines = [*([f"# {remark}"] if remark else []), ",".join(columns), *rows]
-    with atomic_path(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return Path(path)
+    return write_text(path, "\n".join(lines) + "\n")
 
 
 def save_power(lamp: Lamp, path: str | os.PathLike[str], remark: str = "") -> Path:
@@ -97,6 +95,4 @@ def save_power(lamp: Lamp, path: str | os.PathLike[str], remark: str = "") -> Pa
     whole = float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(at)))
     rows = [f"{w:.8g},{p:.8g}" for w, p in zip(at, power, strict=True)]
     head = [f"# {line}" for line in (remark, f"power_w = {whole:.8g}") if line]
-    with atomic_path(path) as temporary:
-        temporary.write_text("\n".join([*head, "wavelength_nm,power", *rows]) + "\n", encoding="utf-8")
-    return Path(path)
+    return write_text(path, "\n".join([*head, "wavelength_nm,power", *rows]) + "\n")
