@@ -14,7 +14,7 @@ from lightfield.fitting.curves import Curves, field_of
 from lightfield.fitting.diffuse_light import Diffuse, DiffuseLight, DiffuseSource
 from lightfield.fitting.parameter import is_gain
 from lightfield.fitting.scene_of_values import SceneOfValues
-from lightfield.formula import closed_form as analytic
+from lightfield.formula.closed_form import direct_field, table_angle
 from lightfield.readings import Readings
 from lightfield.readings.motion import Motion, motion_of
 from lightfield.scene import Scene
@@ -139,7 +139,7 @@ class LightSource:
         if scene.detector.wavelength_shift_nm:
             middle = float(np.mean(scene.detector.bands_nm[0]))
             wavelength = read_nm(scene, np.where(np.isnan(wavelength), middle, wavelength))
-        return analytic.direct_field(scene, x, y, z, wavelength, r.medium, r.time_s)
+        return direct_field(scene, x, y, z, wavelength, r.medium, r.time_s)
 
     def slopes_of_rest(self, values: Mapping[str, float]) -> Array:
         """How scattered and reflected light changes along x, y and z, per metre, shape (3, n).
@@ -180,7 +180,7 @@ class LightSource:
         stated = table_of(scene.lamp)
         if stated is None:
             return np.zeros((len(r.x_m), 0))
-        relative = stated.relative_errors(analytic.table_angle(scene.lamp, r.x_m, r.y_m, r.z_m, r.medium))
+        relative = stated.relative_errors(table_angle(scene.lamp, r.x_m, r.y_m, r.z_m, r.medium))
         return np.asarray((self.direct(scene, r) * self.correction)[:, None] * relative.T)
 
     def to_trace(self, found: Iterable[Mapping[str, float]]) -> float | None:

@@ -10,8 +10,9 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.fitting.gains import Gains
 from lightfield.fitting.scene_of_values import REMEMBERED, Chosen, SceneOfValues, chosen
-from lightfield.formula import closed_form as analytic
 from lightfield.formula import own_formulas
+from lightfield.formula.closed_form import air_mask
+from lightfield.formula.readout import Taken, halves, immersed, plane_gain, readout, spectra, time_factor
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -37,16 +38,16 @@ class Reader:
         self.scenes, self.readings, self.gains, self.full = scenes, readings, gains, full
         self._time = np.nan_to_num(np.asarray(readings.time_s, float))
         air = np.asarray(readings.medium) == "air"
-        spectrum = analytic.spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
-        overlap = analytic.halves(spectrum, readings.wavelength_nm)
+        spectrum = spectra(readings.x_m, readings.y_m, readings.z_m, air, self._time)
+        overlap = halves(spectrum, readings.wavelength_nm)
         z_m = np.asarray(readings.z_m, float)
         wave = readings.wavelength_nm
-        self._taken = analytic.Taken(analytic.air_mask(air), spectrum, self._time, overlap, z_m, wave)
+        self._taken = Taken(air_mask(air), spectrum, self._time, overlap, z_m, wave)
 
     def read(self, field: Array, values: Mapping[str, float]) -> Array:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
         signal = self.gains.of(values) * field * self.power(values) * self._own(values)
-        reading = analytic.readout(self._scene(values), signal, self.full, self._taken)
+        reading = readout(self._scene(values), signal, self.full, self._taken)
         if not self.scenes.scene.effect:
             return reading
         return own_formulas.shown(self.scenes.of_those(values, _POSE), reading, self.full, *self._where)
@@ -62,8 +63,8 @@ class Reader:
     def shown(self, values: Mapping[str, float]) -> Array | float:
         """Factors of the readout on all light: of the plane, and of readings in water."""
         scene = self._scene(values)
-        gain = analytic.plane_gain(scene, self._taken.z_m)
-        return gain * analytic.immersed(scene, self._taken.in_air)
+        gain = plane_gain(scene, self._taken.z_m)
+        return gain * immersed(scene, self._taken.in_air)
 
     def _scene(self, values: Mapping[str, float]) -> Scene:
         return self.scenes.of_those(values, _READOUT)
@@ -84,7 +85,7 @@ class Reader:
         """Lamp power over its value at time zero, shape (n,), for these values; read alone."""
 
         def power(those: Chosen) -> Array:
-            factor = np.array(analytic.time_factor(self.scenes.of_chosen(those), self._time))
+            factor = np.array(time_factor(self.scenes.of_chosen(those), self._time))
             factor.setflags(write=False)
             return factor
 

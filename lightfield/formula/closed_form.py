@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.formula import own_formulas
-from lightfield.formula.path import Ray, attenuation_per_m, optical_depth, rays, stated_nm
-from lightfield.formula.readout import Taken, halves, immersed, plane_gain, readout, spectra, time_factor
+from lightfield.formula.path import Ray, optical_depth, rays, stated_nm
+from lightfield.formula.readout import Taken, halves, readout, spectra, time_factor
 from lightfield.formula.scattered.quadrature import finest_rad
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
@@ -33,25 +33,6 @@ from lightfield.scene.receiver import response
 
 if TYPE_CHECKING:
     from lightfield.scene import Lamp, Scene
-
-__all__ = [
-    "Taken",
-    "air_mask",
-    "attenuation_per_m",
-    "direct_field",
-    "immersed",
-    "lamps_of_window",
-    "optical_depth",
-    "paper_model",
-    "plane_gain",
-    "predict",
-    "rays",
-    "readout",
-    "receiver",
-    "source",
-    "spectra",
-    "time_factor",
-]  # fmt: skip
 
 #: The distance that the paper relates its readings to, r0, m.
 PAPER_FROM_M = 4.5

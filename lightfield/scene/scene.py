@@ -45,8 +45,6 @@ from lightfield.scene.water.water import Water
 from lightfield.storage import inputs, toml
 from lightfield.storage.files import write_text
 
-__all__ = ["Detector", "DetectorArray", "Follower", "Lamp", "Parameter", "Scene", "Tank", "Water"]
-
 #: So many changed values are named in an error.
 _NAMED = 3
 LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.

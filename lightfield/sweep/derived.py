@@ -12,14 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.formula.closed_form import (
-    direct_field,
-    lamps_of_window,
-    light_of_point,
-    optical_depth,
-    rays,
-)
+from lightfield.formula.closed_form import direct_field, lamps_of_window, light_of_point
 from lightfield.formula.own_formulas import factor, has_colours_of_its_own, lit
+from lightfield.formula.path import optical_depth, rays
 from lightfield.maps.cells import along_a_side, axis_cells, cell_mean
 from lightfield.maps.sharper import itself, without_cells
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape

@@ -18,7 +18,8 @@ from scipy.integrate import quad
 from scipy.stats import chi2
 
 from lightfield.errors import SceneError
-from lightfield.formula.closed_form import direct_field, paper_model, predict, readout, time_factor
+from lightfield.formula.closed_form import direct_field, paper_model, predict
+from lightfield.formula.readout import readout, time_factor
 from lightfield.formula.vector import direct_flux
 from lightfield.scene import Detector, Lamp, Scene, Water
 

@@ -22,7 +22,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import GAIN
-from lightfield.formula import closed_form as analytic
+from lightfield.formula.closed_form import table_angle
 from lightfield.readings.unchecked import bands_of
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -154,7 +154,7 @@ def _coarse_table(forward: SceneForward, problem: Problem) -> Caution | None:
     table, r = table_of(forward.scene.lamp), forward.readings
     if table is None:
         return None
-    angle = analytic.table_angle(forward.scene.lamp, r.x_m, r.y_m, r.z_m, r.medium)
+    angle = table_angle(forward.scene.lamp, r.x_m, r.y_m, r.z_m, r.medium)
     untold, stated = np.abs(table.untold(angle)) * bright(problem), np.degrees(table.stated_rad)
     k = int(np.argmax(untold))
     if untold[k] < COARSE:
