@@ -108,12 +108,9 @@ class PlaneComparison:
         render, formula = self.axis.render[0], self.axis.formula[0]
         return float(formula / render * self.axis.stderr[0] / render) if render > 0 else float("nan")
 
-    def excess(self) -> Array:
-        """Relative error beyond Monte Carlo error in every cell, shape (n_y, n_x)."""
-        return excess(self.render, self.stderr, self.formula)
-
     def smooth_excess(self) -> Array:
-        """The same after averaging neighbouring cells (Gaussian), for contours that noise does not tear."""
+        """Relative error beyond Monte Carlo error in every cell, shape (n_y, n_x), of averages over
+        neighbouring cells (Gaussian): contours that noise does not tear."""
         return excess(*self._smooth())
 
     def _smooth(self) -> tuple[Array, Array, Array]:
@@ -222,8 +219,8 @@ class Comparison:
         }
 
 
-def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | None = None) -> Comparison:
-    """Compare the maps of a rendering with the formula.
+def compare(dataset: xr.Dataset, formula: Formula | None = None) -> Comparison:
+    """Compare the maps of a rendering with the formula, in the scene that is stored with them.
 
     Parameters
     ----------
@@ -231,8 +228,6 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
         From `lightfield.maps.dataset.to_dataset` or a file that it was written to.
     formula : callable, optional
         Default: the closed-form model of the scene, without any light that was scattered or reflected.
-    scene : Scene, optional
-        Default: the scene stored with the data set.
 
     Raises
     ------
@@ -245,8 +240,7 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None, scene: Scene | 
             rule="render and formula are compared on planes",
             remedy="render the scene with planes_m instead of positions_m",
         )
-    if scene is None:
-        scene = Scene.from_toml(dataset.attrs["scene_toml"], where="scene of the data set")
+    scene = Scene.from_toml(dataset.attrs["scene_toml"], where="scene of the data set")
     if formula is None:
         formula = closed_form
     quantity = dataset.attrs["quantity"]
