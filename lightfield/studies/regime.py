@@ -28,6 +28,8 @@ RECEIVERS: dict[str, dict[str, Any]] = {
 }
 #: Relative errors of the formula up to which it is asked for.
 ERRORS = (0.05, 0.10, 0.25)
+#: Albedo and error that are told of in a sentence.
+_TYPICAL, _WITHIN = 0.8, 0.10
 DISTANCE_M, CELL_M = 5.0, 0.1
 #: A lamp on the axis along which it is asked about.
 AIMED = dict.fromkeys(("offset_x_m", "offset_y_m", "tilt_x_deg", "tilt_y_deg"), 0.0)
@@ -167,17 +169,16 @@ def rows(dataset: xr.Dataset) -> list[list[str]]:
     return table
 
 
-def as_text(dataset: xr.Dataset, albedo: float = 0.8, level: float = 0.10) -> str:
+def as_text(dataset: xr.Dataset) -> str:
     """One sentence for the water of a typical albedo."""
-    nearest = float(dataset.albedo.sel(albedo=albedo, method="nearest"))
+    nearest = float(dataset.albedo.sel(albedo=_TYPICAL, method="nearest"))
     depth = dataset.optical_depth.values
     parts = []
     for receiver in dataset.receiver.values:
         error = dataset.formula_error.sel(receiver=receiver, albedo=nearest).values
-        parts.append(f"c z = {_reach_text(depth, error, level)} ({receiver})")
-    return (
-        f"In water of albedo {nearest:g} the formula is within {100 * level:g} % up to {' and '.join(parts)}."
-    )
+        parts.append(f"c z = {_reach_text(depth, error, _WITHIN)} ({receiver})")
+    said = f"In water of albedo {nearest:g} the formula is within {100 * _WITHIN:g} %"
+    return f"{said} up to {' and '.join(parts)}."
 
 
 def _reach_text(depth: Array, error: Array, level: float) -> str:
