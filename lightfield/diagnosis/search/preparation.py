@@ -101,7 +101,6 @@ class Bench:
 
     whiten: Whitener
     test: AdequacyTest
-    unknowns: Mapping[str, Array]
     phi: float
 
 
@@ -348,7 +347,7 @@ def _bench(
     scale = whiten.phi * prepared.excess
     often = cache(noise) if kept else noise
     test = AdequacyTest(problem, whiten, unknowns, often, prepared.errors_stated, scale)
-    return Bench(whiten, test, unknowns, whiten.phi)
+    return Bench(whiten, test, whiten.phi)
 
 
 def judged(prepared: Prepared, whiten: Whitener, rng: np.random.Generator) -> AdequacyTest:
