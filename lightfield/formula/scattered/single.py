@@ -73,12 +73,6 @@ class SinglePaths(NamedTuple):
     water_m: Array
     share: Array
 
-    def lit(self, intensity: Array) -> LitPaths:
-        """With the light of a lamp, given its intensity along each path, relative to its axis."""
-        sent = intensity * self.weight
-        together = self.water_m.shape[-1] == 1
-        return LitPaths(sent.sum(axis=-1, keepdims=True) if together else sent, self.water_m, self.share)
-
 
 class TabledPaths(NamedTuple):
     """The same paths, lit by lamps that are tabulated over the angle: their light is linear in the table.

@@ -145,8 +145,8 @@ class Room:
         if not asked:
             return []
         waters = {c: k for k, c in enumerate(dict.fromkeys(of[0] for of in asked))}
-        straight = self._lit(lamp, False, list(waters))
-        by_surface = self._lit(lamp, True, list(waters)) if any(of[1] for of in asked) else None
+        straight = self.lit(lamp, False, list(waters))
+        by_surface = self.lit(lamp, True, list(waters)) if any(of[1] for of in asked) else None
         light = np.zeros((len(asked), max(of[3] for of in asked), len(self._which)))
         for side in (_EVEN,) if alike_on_both_sides(lamp) else (_EVEN, _ODD):
             direct = self._in_terms(straight, side)
@@ -169,16 +169,9 @@ class Room:
         part = np.float32(0.5) * (here + np.float32(side) * there)
         return np.asarray(part.reshape(len(lit), -1, self.parts**2) @ self._terms)
 
-    def lit(self, lamp: Lamp, attenuation_per_m: Sequence[float], surface: float) -> np.ndarray:
-        """Irradiance of the fine patches by the lamp and its image, for unit on-axis intensity, m^-2.
-
-        In each of m waters, shape (m, k).
-        """
-        lit = self._lit(lamp, False, attenuation_per_m)
-        return lit + np.float32(surface) * self._lit(lamp, True, attenuation_per_m) if surface else lit
-
-    def _lit(self, lamp: Lamp, mirrored: bool, attenuation_per_m: Sequence[float]) -> np.ndarray:
-        """The same straight, or by way of the water surface for unit reflectance multiplier."""
+    def lit(self, lamp: Lamp, mirrored: bool, attenuation_per_m: Sequence[float]) -> np.ndarray:
+        """Irradiance of the fine patches by the lamp, for unit on-axis intensity, m^-2, in each of m waters,
+        shape (m, k): straight, or by way of the water surface for unit reflectance multiplier."""
         at = alike_in_place(lamp)
         light, out = self._ways(at, mirrored).lit(lamp), []
         for c in attenuation_per_m:

@@ -125,7 +125,7 @@ def test_closed_tank_of_clear_water_keeps_the_energy(albedo: float, profile: str
     scene = Scene.from_toml(SCENE).with_values(values)
     light = ReflectedLight.at(scene, *(np.array([v]) for v in (0.0, 0.0, 6.0)))
     room, among, _ = exchanged(light, 0.0)
-    lit = room.lit(scene.lamp, [0.0], 0.0).reshape(len(room.patches.centre), -1).mean(axis=1)
+    lit = room.lit(scene.lamp, False, [0.0]).reshape(len(room.patches.centre), -1).mean(axis=1)
     irradiance = np.linalg.solve(np.eye(len(lit)) - albedo * among, lit)
     power = float(((1 - albedo) * irradiance * room.patches.area).sum())
     assert power == pytest.approx(solid_angle_sr(scene.lamp), rel=0.03)
@@ -176,7 +176,7 @@ def solved(light: ReflectedLight, scene: Scene, attenuation: float) -> np.ndarra
     assert scene.tank is not None
     albedo = scene.tank.wall_albedo
     room, among, reading = exchanged(light, attenuation)
-    lit = room.lit(scene.lamp, [attenuation], 0.0)[0]
+    lit = room.lit(scene.lamp, False, [attenuation])[0]
     patches = lit.reshape(len(room.patches.centre), -1).mean(axis=1)
     every = albedo * np.linalg.solve(np.eye(len(patches)) - albedo * among, patches)
     again = np.repeat(every - albedo * patches, room.parts**2) + albedo * lit

@@ -18,7 +18,7 @@ from lightfield.formula.scattered.quadrature import (
     turns,
 )
 from lightfield.formula.scattered.scattered_field import ScatteredField, describes
-from lightfield.formula.scattered.single import LitPaths, Resolution, single_paths
+from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
 from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.width import half_width_rad, intensity
@@ -28,6 +28,13 @@ from lightfield.scene.water.phase.spec import FournierForand, HenyeyGreenstein, 
 FORWARD = HenyeyGreenstein(g=0.924)
 A, B = 0.1, 0.3
 Z = np.array([5.0])
+
+
+def lit_paths(paths: SinglePaths, lamp: Lamp) -> LitPaths:
+    """With the light of a lamp."""
+    sent = intensity(lamp, paths.theta_squared) * paths.weight
+    together = paths.water_m.shape[-1] == 1
+    return LitPaths(sent.sum(axis=-1, keepdims=True) if together else sent, paths.water_m, paths.share)
 
 
 def once_scattered(
@@ -78,7 +85,7 @@ def test_light_scattered_once_is_the_volume_integral(
     lamp = Lamp(hwhm_deg=3.81, apparent_distance_m=behind)
     z = np.array([4.0])
     paths = single_paths(phase, half_width_rad(lamp), np.array([radius]), z, behind)
-    found = paths.lit(intensity(lamp, paths.theta_squared)).light(A, B)[0]
+    found = lit_paths(paths, lamp).light(A, B)[0]
     assert found == pytest.approx(once_scattered(lamp, phase, (radius, 0.0, 4.0), behind), rel=1e-3)
 
 
@@ -89,7 +96,7 @@ def test_light_of_molecules_alone() -> None:
     place = np.array([0.6]), np.array([4.0])
     for nodes, within in (((22, 9, 6), 2e-3), ((48, 32, 16), 1e-4)):
         paths = single_paths(phase, half_width_rad(lamp), *place, resolution=Resolution(*nodes))
-        found = paths.lit(intensity(lamp, paths.theta_squared)).light(A, B)[0]
+        found = lit_paths(paths, lamp).light(A, B)[0]
         assert found == pytest.approx(right, rel=within)
 
 
@@ -147,7 +154,7 @@ def paths_of(lamp: Lamp, z_m: float, tangent: np.ndarray) -> LitPaths:
     """Paths of light that is scattered once, with the light of a lamp."""
     width = math.radians(lamp.hwhm_deg)
     paths = single_paths(FORWARD, width, tangent * z_m, np.full(len(tangent), z_m))
-    return paths.lit(intensity(lamp, paths.theta_squared))
+    return lit_paths(paths, lamp)
 
 
 @pytest.mark.parametrize("g", [0.89, 0.9, 0.93])
@@ -220,7 +227,7 @@ def test_light_scattered_once_is_right_far_beside_a_beam() -> None:
     tangent, z = width * np.array([0.5, 2.4, 3.0, 4.0]), np.full(4, 5.0)
     fine = single_paths(phase, width, tangent * z, z, resolution=Resolution(96, 28, 36))
     a = lit.water.absorption_per_m
-    expected = fine.lit(intensity(lit.lamp, fine.theta_squared)).light(a, 1e-6)
+    expected = lit_paths(fine, lit.lamp).light(a, 1e-6)
     found = ScatteredField(tangent * z, 0 * z, z).light(lit, [None])[0]
     assert found == pytest.approx(expected, rel=1.5e-3)
 
