@@ -114,11 +114,6 @@ class Diagnosis:
         """The fitted scene of the last rung."""
         return self.forward.scenes.at(self.steps[-1].fit.values)
 
-    @property
-    def prediction(self) -> Array:
-        """Readings of the last rung, shape (n,)."""
-        return self.steps[-1].fit.prediction
-
     @cached_property
     def sigma(self) -> Array:
         """Standard error of every reading as the diagnosis used it, shape (n,)."""
@@ -299,21 +294,6 @@ def diagnose(
         Unknown effect.
     """
     readings = readings.check_against(scene)
-    inquiry = _inquiry(readings, scene, diffuse, only, alpha, seed, _following(progress))
-    # On many small matrices more BLAS threads only get in each other's way.
-    with threadpool_limits(1, "blas"):
-        return _diagnose(inquiry, advise)
-
-
-def _inquiry(
-    readings: Readings,
-    scene: Scene,
-    diffuse: DiffuseSource | str | None,
-    only: Sequence[str] | None,
-    alpha: float,
-    seed: int,
-    progress: SoFar,
-) -> Inquiry:
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     every = effects.all_of(scene)
@@ -322,9 +302,11 @@ def _inquiry(
         if only is not None
         else [*every.values(), *effects.curves().values()]
     )
-    return Inquiry(
-        readings, scene, source, reason, chosen, diffuse == "trace", alpha, seed, progress, only or ()
-    )
+    so_far, traced = _following(progress), diffuse == "trace"
+    inquiry = Inquiry(readings, scene, source, reason, chosen, traced, alpha, seed, so_far, only or ())
+    # On many small matrices more BLAS threads only get in each other's way.
+    with threadpool_limits(1, "blas"):
+        return _diagnose(inquiry, advise)
 
 
 def _following(progress: Callable[[str], None] | None) -> SoFar:

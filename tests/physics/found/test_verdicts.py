@@ -194,7 +194,8 @@ def test_stored_rungs_give_their_error_again(found, tmp_path):
     done = found["identified"].save(tmp_path)
     again = fit_readings(done.readings, Scene.load(tmp_path / "rung1.toml"), diffuse=quick)
     modes, smooth = done.prepared.problem.forward.errors(done.steps[1].fit.values)
-    counted, before, now = bright(done.prepared.problem), done.prediction, again.model.fit.prediction
+    before, now = done.steps[-1].fit.prediction, again.model.fit.prediction
+    counted = bright(done.prepared.problem)
     own = np.hypot(np.linalg.norm(modes, axis=1), smooth) / before
     rms = [float(np.sqrt(np.mean(part[counted] ** 2))) for part in (now / before - 1, own)]
     assert rms[0] < np.sqrt(2) * rms[1] < 0.02

@@ -65,9 +65,9 @@ def test_it_is_ranked_and_laddered_and_its_size_is_right(own_file: Path) -> None
     assert abs(place.value - PLACE_M) < 4 * place.stderr
     # Two fits, each within a thousandth of the least chi-square: 0.03 of an error.
     assert abs(found.scene.get("effect.rope.x0") - place.value) < 2 * np.sqrt(LEFT) * place.stderr
-    fitted = Scene.from_toml(found.scene.to_toml())
+    fitted, fit = Scene.from_toml(found.scene.to_toml()), found.steps[-1].fit
     np.testing.assert_allclose(
-        SceneForward(fitted, table).predict({"gain": found.steps[-1].fit.values["gain"]}), found.prediction
+        SceneForward(fitted, table).predict({"gain": fit.values["gain"]}), fit.prediction
     )
 
 
