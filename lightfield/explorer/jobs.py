@@ -99,7 +99,6 @@ def verdict_data(v: Verdict) -> dict[str, object]:
                 "size": effect_size(one),
                 "sigma": one.sigma_to_remove,
                 "rival": _named(one.rival),
-                "gap": one.gap,
             }
             for one in v.found
         ],
