@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 import keyword
 import os
 import re
@@ -19,7 +18,7 @@ from lightfield.wording import capital
 
 #: From this likeness on a word is taken for another one misspelt.
 _ALIKE = 0.7
-# Name and help of every sub-command; one whose module is not there is not offered.
+# Name and help of every sub-command.
 COMMANDS = {
     "new": "begin with a tank of your own: a scene and an empty reading table",
     "render": "trace a scene and write its maps",
@@ -50,13 +49,6 @@ COMMANDS = {
 }
 
 
-def available() -> dict[str, str]:
-    """Sub-commands whose module exists, with their help."""
-    return {
-        name: text for name, text in COMMANDS.items() if importlib.util.find_spec(_module(name)) is not None
-    }
-
-
 def prepared(argv: list[str]) -> Callable[[], int]:
     """What a command line asks for, ready to be called; the command's own modules are imported by then.
 
@@ -69,13 +61,12 @@ def prepared(argv: list[str]) -> Callable[[], int]:
         if re.fullmatch(r"-[^=]*=--", word):  # Python before 3.13 takes this for no value at all
             raise UsageError("expected one argument", where=word.removesuffix("=--"), found="--")
     argv = _with_negative_lists(argv)
-    commands = available()
     general = _general_options(argparse.SUPPRESS)
     words = [word for word in general.parse_known_args(argv)[1] if not word.startswith("-")]
     chosen = words[0] if words else None
-    if chosen is not None and chosen not in commands:
-        near = did_you_mean(chosen, commands, cutoff=_ALIKE)
-        rule = None if near else f"choose from {', '.join(commands)}"
+    if chosen is not None and chosen not in COMMANDS:
+        near = did_you_mean(chosen, COMMANDS, cutoff=_ALIKE)
+        rule = None if near else f"choose from {', '.join(COMMANDS)}"
         raise UsageError(f"there is no command {chosen!r}", rule=rule, remedy=near or "lightfield --help")
     parser, runs = _parser([chosen] if chosen else [])
     _check_options(argv, parser, chosen)
@@ -127,7 +118,7 @@ def _options_of(parser: argparse.ArgumentParser, commands: Collection[str | None
 
 def whole_parser() -> argparse.ArgumentParser:
     """The parser with the options of every sub-command; all of their modules are imported."""
-    return _parser(list(available()))[0]
+    return _parser(list(COMMANDS))[0]
 
 
 def _parser(declared: Sequence[str]) -> tuple[_Parser, dict[str, Callable[[argparse.Namespace], int]]]:
@@ -141,7 +132,7 @@ def _parser(declared: Sequence[str]) -> tuple[_Parser, dict[str, Callable[[argpa
     parser.add_argument("--version", action="version", version=f"lightfield {__version__}")
     choices = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     runs = {}
-    for name, text in available().items():
+    for name, text in COMMANDS.items():
         command = choices.add_parser(name, help=text, description=f"{capital(text)}.", parents=[general])
         if name in declared:
             module = importlib.import_module(_module(name))
