@@ -126,15 +126,7 @@ class Scene(Part):
             Not readable, not TOML, or not a scene: all problems at once.
         """
         source = Path(path)
-        try:
-            text = inputs.read_bytes(source, inputs.SCENE).decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise SceneError(
-                "not a text file",
-                where=str(path),
-                rule="scene files are UTF-8 text",
-                remedy="save it as UTF-8 TOML",
-            ) from error
+        text = inputs.read_utf8(source, inputs.SCENE, "TOML")
         if all(not line.strip() or line.lstrip().startswith("#") for line in text.splitlines()):
             raise SceneError(
                 "the file says nothing",

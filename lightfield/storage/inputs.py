@@ -78,6 +78,25 @@ def read_bytes(path: str | os.PathLike[str], kind: FileKind) -> bytes:
     return data
 
 
+def read_utf8(path: str | os.PathLike[str], kind: FileKind, form: str, encoding: str = "utf-8") -> str:
+    """The text of a file in UTF-8; `form` is what it is to be, as "TOML".
+
+    Raises
+    ------
+    LightfieldError
+        As `read_bytes`, or it is no text.
+    """
+    try:
+        return read_bytes(path, kind).decode(encoding)
+    except UnicodeDecodeError as error:
+        raise kind.error(
+            "not a text file",
+            where=os.fspath(path),
+            rule=f"a {form} file in UTF-8",
+            remedy=f"save it as UTF-8 {form}",
+        ) from error
+
+
 def check_regular(path: str | os.PathLike[str], kind: FileKind) -> None:
     """Make sure that a library may open a file: a device or a pipe could keep it for ever.
 

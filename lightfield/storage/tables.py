@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.errors import Complaint, RuleError, SceneError
-from lightfield.storage.inputs import TABLE, FileKind, kept_by_file, kept_while, read_bytes
+from lightfield.storage.inputs import TABLE, FileKind, kept_by_file, kept_while, read_utf8
 
 Value = TypeVar("Value")
 
@@ -75,12 +75,7 @@ def header_and_rows(path: str, kind: FileKind) -> tuple[list[str], list[tuple[in
     LightfieldError
         Of the `kind`: no text.
     """
-    try:
-        lines = read_bytes(path, kind).decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise kind.error(
-            "not a text file", where=path, rule="a UTF-8 CSV file", remedy="export it as CSV"
-        ) from error
+    lines = read_utf8(path, kind, "CSV", "utf-8-sig").splitlines()
     told = [(number, line) for number, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
     separator = max(",;\t", key=told[0][1].count) if told else ","
     (_, names), *rows = [(number, line.split(separator)) for number, line in told] or [(0, [])]

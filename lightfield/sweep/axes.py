@@ -136,11 +136,7 @@ def read_plan(path: str | Path) -> tuple[list[Axis], dict[str, Any]]:
     """
     where = str(path)
     try:
-        data = toml.loads(inputs.read_bytes(path, inputs.PLAN).decode("utf-8"))
-    except UnicodeDecodeError as error:
-        raise UsageError(
-            "not a text file", where=where, rule="plans are UTF-8 text", remedy="save it as UTF-8 TOML"
-        ) from error
+        data = toml.loads(inputs.read_utf8(path, inputs.PLAN, "TOML"))
     except ValueError as error:
         raise UsageError(f"not TOML: {error}", where=where, remedy="correct that line") from error
     wrong = sorted(set(data) - {"vary", "settings"})
