@@ -88,42 +88,18 @@ def cdom_absorption_per_m(
 ) -> Array:
     """Coloured dissolved organic matter, a(440) exp(-S (lambda - 440)) (Bricaud, Morel & Prieur 1981).
 
-    Parameters
-    ----------
-    absorption_440_per_m : float, 1/m
-        At 440 nm.
-    slope_per_nm : float, 1/nm
-        0.014 in WASI, 0.0176 mean of European coasts (Babin et al. 2003).
-    wavelength_nm : array, nm
-        UV and visible.
+    S is 0.014 per nm in WASI, 0.0176 in the mean of European coasts (Babin et al. 2003).
     """
     w = np.asarray(wavelength_nm, dtype=float)
     return np.asarray(absorption_440_per_m * np.exp(-slope_per_nm * (w - 440.0)))
 
 
 def sediment_absorption_per_m(sediment_g_per_m3: float, wavelength_nm: ArrayLike) -> Array:
-    """Non-algal particles, 0.041 m^2/g exp(-0.011 (lambda - 440)): defaults of WASI (Gege 2021).
-
-    Parameters
-    ----------
-    sediment_g_per_m3 : float, g/m^3
-        Dry mass.
-    wavelength_nm : array, nm
-        Visible.
-    """
-    w = np.asarray(wavelength_nm, dtype=float)
-    return np.asarray(sediment_g_per_m3 * 0.041 * np.exp(-0.011 * (w - 440.0)))
+    """Non-algal particles, 0.041 m^2/g exp(-0.011 (lambda - 440)): defaults of WASI (Gege 2021)."""
+    return cdom_absorption_per_m(0.041 * sediment_g_per_m3, 0.011, wavelength_nm)
 
 
 def sediment_scattering_per_m(sediment_g_per_m3: float, wavelength_nm: ArrayLike) -> Array:
-    """Non-algal particles, 0.5 m^2/g (lambda / 555)^-0.5 (Babin et al. 2003, Limnol. Oceanogr. 48, 843).
-
-    Parameters
-    ----------
-    sediment_g_per_m3 : float, g/m^3
-        Dry mass.
-    wavelength_nm : array, nm
-        Visible.
-    """
+    """Non-algal particles, 0.5 m^2/g (lambda / 555)^-0.5 (Babin et al. 2003, Limnol. Oceanogr. 48, 843)."""
     w = np.asarray(wavelength_nm, dtype=float)
     return np.asarray(sediment_g_per_m3 * 0.5 * (w / 555.0) ** -0.5)
