@@ -34,7 +34,7 @@ RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
     "max_photons": (PHOTONS.rule, PHOTONS.holds),
     "rel_error": (REL_ERROR.rule, REL_ERROR.holds),
     "alpha": ("0.0005 to 0.5", lambda value: 0.0005 <= value <= 0.5),
-    "half_width": ("above 0 m", lambda value: value > 0),
+    "half_width": ("above 0 to 100 m", lambda value: 0 < value <= 100),
     "elements": ("2 to 200", lambda value: 2 <= value <= 200),
     "box": ("0.01 to 10 m", lambda value: 0.01 <= value <= 10),
     "tilt_max": ("0 to 80 degrees", lambda value: 0 <= value <= 80),

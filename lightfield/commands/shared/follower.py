@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from lightfield.commands.shared.options import add_option, given
-from lightfield.errors import UsageError
+from lightfield.commands.shared.ranges import check_ranges
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.studies.defaults import HALF_WIDTH_M, MEDIUM
 
@@ -28,9 +28,7 @@ def add_space(parser: argparse.ArgumentParser) -> None:
 
 def space_asked(args: argparse.Namespace) -> dict[str, Any]:
     """Where the follower may be and how its light is traced, as `api` takes it."""
-    half = args.half_width
-    if not 0 < half <= 100:
-        raise UsageError("impossible half width", where="--half-width", found=half, rule="above 0 to 100 m")
+    check_ranges(args, "half_width")
     return {"trace": not args.no_trace} | given(args, "half_width", "medium", "max_photons", "seed")
 
 
