@@ -84,14 +84,9 @@ def read_sheet(
             rows.append((k, cells))
     if not names:
         problems.add("there are no column names", rule=f"at least {', '.join(required)}")
-    try:
-        numeric = [c for c, name in enumerate(names) if name in numbers]
-        mark = text.decimal_mark(cells[c].strip() for _, cells in rows for c in numeric)
-    except ValueError as error:
-        problems.add(
-            f"cannot tell the decimal mark: {error}", remedy="use one mark throughout, and no thousands mark"
-        )
-        mark = "."
+    numeric = [c for c, name in enumerate(names) if name in numbers]
+    every = (cells[c].strip() for _, cells in rows for c in numeric)
+    mark = text.decimal_mark(every, problems, "use one mark throughout, and no thousands mark")
     return Sheet(head, names, name_line, rows, mark, lines.encoding)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lightfield.errors import MeasurementError, brief
+from lightfield.readings.problems import Problems
 from lightfield.storage.inputs import FileKind, read_bytes
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
@@ -95,14 +96,19 @@ def _decode(data: bytes) -> tuple[str, str]:
     return data.decode("latin-1"), "latin-1"
 
 
-def decimal_mark(cells: Iterable[str]) -> str:
+def decimal_mark(cells: Iterable[str], problems: Problems, remedy: str) -> str:
     """The decimal mark of numbers that are cells of their own: "." or ",".
 
-    Raises
-    ------
-    ValueError
-        Both marks occur, so that neither reading is safe; the message says which cells.
+    A point where both marks occur, so that neither reading is safe: `problems` are told which cells.
     """
+    try:
+        return _mark(cells)
+    except ValueError as error:
+        problems.add(f"cannot tell the decimal mark: {error}", remedy=remedy)
+        return "."
+
+
+def _mark(cells: Iterable[str]) -> str:
     point = comma = None
     for cell in cells:
         if "." in cell and NUMBER.fullmatch(cell.replace(",", ".", 1)):

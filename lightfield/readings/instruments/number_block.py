@@ -206,12 +206,8 @@ def _refuse_thousands(rows: Sequence[Sequence[str]], problems: Problems) -> None
 
 
 def mark_in(cells: Iterable[str], problems: Problems) -> str:
-    """The decimal mark of numbers; a point where it cannot be told, which goes to `problems`."""
-    try:
-        return text.decimal_mark(cells)
-    except ValueError as error:
-        problems.add(f"cannot tell the decimal mark: {error}", remedy="export it again with a decimal point")
-        return "."
+    """The decimal mark of numbers that an instrument wrote."""
+    return text.decimal_mark(cells, problems, "export it again with a decimal point")
 
 
 def _names(
