@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
 #: Farthest distance at which the accuracy of poses is asked about, m, and photons for it.
 DOCKING_TO_M, DOCKING_PHOTONS = 20.0, 1e6
-#: Nearest distance, m, unless told otherwise.
+#: Nearest distance, m.
 FROM_M = 4.0
 #: Distances asked at, and on which ranges are looked for.
 _DISTANCES, _SCAN = 18, 800
@@ -104,7 +104,7 @@ class Link:
     @property
     def docking_to_m(self) -> float:
         """Farthest distance at which docking was asked about, m."""
-        return docking_to_m(*(float(self.dataset.z_m[k]) for k in (0, -1)))
+        return min(DOCKING_TO_M, float(self.dataset.z_m[-1]))
 
 
 def link(
@@ -112,7 +112,6 @@ def link(
     receiver: Receiver | None = None,
     *,
     waters: Mapping[str, tuple[float, float]] | None = None,
-    from_m: float = FROM_M,
     to_m: float = defaults.LINK_TO_M,
     **tracing: Unpack[CachedTracing],
 ) -> Link:
@@ -127,7 +126,8 @@ def link(
     receiver : Receiver, optional
     waters : mapping of (a, b), optional, 1/m
         To compare with; default `LINK_WATERS`.
-    from_m, to_m : float, m
+    to_m : float, m
+        Farthest distance; the nearest is `FROM_M`.
     **tracing
         Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache.
 
@@ -139,12 +139,10 @@ def link(
         A lamp that is no beam.
     """
     receiver = receiver or Receiver()
-    if not 0 < from_m < to_m <= FARTHEST_M:
-        begins = f"{from_m:g} m{' (the default of from_m)' if from_m == FROM_M else ''}"
+    if not FROM_M < to_m <= FARTHEST_M:
         raise UsageError(
-            "impossible distances", found=f"from {begins} to {to_m:g} m",
-            rule=f"from above 0 m to farther than that, at most {FARTHEST_M:g} m",
-            remedy=f"let the farthest distance lie between {from_m:g} and {FARTHEST_M:g} m",
+            "impossible farthest distance", found=f"{to_m:g} m",
+            rule=f"above {FROM_M:g} m, where ranges begin, at most {FARTHEST_M:g} m",
         )  # fmt: skip
     refuse_pencil(scene.lamp)
     every = {"scene": Colours.of(scene).water_of(scene), **(LINK_WATERS if waters is None else waters)}
@@ -158,9 +156,9 @@ def link(
     for name, (a, b) in every.items():
         water = _water(scene, name, a, b)
         refuse_dark(
-            water, (from_m, to_m), where=f"water {name}", remedy="a nearer distance, or clearer water"
+            water, (FROM_M, to_m), where=f"water {name}", remedy="a nearer distance, or clearer water"
         )
-    nodes, fine = np.geomspace(from_m, to_m, _DISTANCES), np.linspace(from_m, to_m, _SCAN)
+    nodes, fine = np.geomspace(FROM_M, to_m, _DISTANCES), np.linspace(FROM_M, to_m, _SCAN)
     parts, reaches = [], {}
     for k, (name, (a, b)) in enumerate(every.items()):
         with step(2 * k, 2 * len(every), f"data, {name}"):
@@ -168,7 +166,7 @@ def link(
             parts.append(along_axis(water, receiver, nodes, fine, tracing))
         with step(2 * k + 1, 2 * len(every), f"docking, {name}"):
             docking = docking_reach(
-                water, from_m, docking_to_m(from_m, to_m),
+                water, FROM_M, min(DOCKING_TO_M, to_m),
                 photons=min(DOCKING_PHOTONS, tracing.get("max_photons", np.inf)) if b > 0 else 0.0,
             )  # fmt: skip
         reaches[name] = _reach(parts[-1], receiver, docking)
@@ -178,11 +176,6 @@ def link(
     )
     dataset = xr.concat(parts, xr.DataArray(list(every), dims="water", name="water")).merge(waters_read)
     return Link(dataset, reaches, receiver, scene)
-
-
-def docking_to_m(from_m: float, to_m: float) -> float:
-    """Farthest distance at which the accuracy of poses is asked about, m: no farther than all else."""
-    return min(max(DOCKING_TO_M, 1.5 * from_m), to_m)
 
 
 def _water(scene: Scene, name: str, a: float, b: float) -> Scene:
