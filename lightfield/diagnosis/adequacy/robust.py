@@ -23,7 +23,7 @@ from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA, NO_LIGHT
 from lightfield.fitting.least_squares import LOOSE, OPEN, Fit
 
 #: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil
-#: (`setup.OUTLIER_PERCENT`); more is a finding, see `aside`.
+#: (`setup.OUTLIER_PERCENT`); more is a finding, see `slips`.
 MAX_OUTLIERS = 0.08
 #: From so many readings on every plane's unknowns can be fitted beside all else. Chosen.
 _MANY = 80

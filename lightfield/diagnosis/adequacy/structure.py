@@ -1,4 +1,4 @@
-"""What readings set aside have in common, as data; `aside` finds it."""
+"""What readings set aside have in common, as data; `slips` finds it."""
 
 from __future__ import annotations
 
