@@ -7,6 +7,9 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from lightfield.readings.instruments.spectrum import Spectrum
 
 WAVELENGTH = np.round(400 + 0.75 * np.arange(40), 2)
 COUNTS = np.round(1200 + 900 * np.exp(-(((WAVELENGTH - 415) / 6) ** 2)), 3)
@@ -164,3 +167,8 @@ def written(folder: Path, content: str | bytes, name="a.txt") -> Path:
     path = folder / name
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     return path
+
+
+def is_truth(spectrum: Spectrum) -> None:
+    assert spectrum.wavelength_nm.tolist() == pytest.approx(WAVELENGTH.tolist(), abs=1e-9)
+    assert spectrum.raw.tolist() == pytest.approx(COUNTS.tolist(), abs=1e-9)

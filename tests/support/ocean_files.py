@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-import pytest
+from instrument_files import COUNTS, DARK, WAVELENGTH
 
 from lightfield.readings.instruments.formats import spectra_of
 from lightfield.readings.instruments.oceanoptics import jaz, jaz_irradiance, oceanview, spectrasuite
 from lightfield.readings.instruments.spectrum import Spectrum
-
-WAVELENGTH = np.round(400 + 0.75 * np.arange(40), 2)
-COUNTS = np.round(1200 + 900 * np.exp(-(((WAVELENGTH - 415) / 6) ** 2)), 3)
-DARK = np.round(1150 + 3 * np.sin(WAVELENGTH), 3)
 
 
 def begin(what: str) -> str:
@@ -99,8 +94,3 @@ def parse(content: str | bytes) -> Spectrum:
 
 def text_of(name: str) -> str:
     return "\n".join(FORMATS[name][0]()) + "\n"
-
-
-def is_truth(spectrum: Spectrum) -> None:
-    assert spectrum.wavelength_nm.tolist() == pytest.approx(WAVELENGTH.tolist(), abs=1e-9)
-    assert spectrum.raw.tolist() == pytest.approx(COUNTS.tolist(), abs=1e-9)

@@ -21,6 +21,7 @@ from instrument_files import (
     avantes,
     avantes8,
     calibration,
+    is_truth,
     procspec,
     ramses,
     spanish,
@@ -36,11 +37,6 @@ from lightfield.readings.instruments.oceanoptics.procspec import read as read_pr
 from lightfield.readings.instruments.oddity import Odd, Oddity
 
 FRAME = ROOT / "tests" / "data" / "instruments" / "satlantic_frame.hex"
-
-
-def is_truth(spectrum) -> None:
-    assert spectrum.wavelength_nm.tolist() == pytest.approx(WAVELENGTH.tolist(), abs=1e-9)
-    assert spectrum.raw.tolist() == pytest.approx(COUNTS.tolist(), abs=1e-9)
 
 
 @pytest.mark.parametrize("name", TEXTS)

@@ -10,7 +10,8 @@ from datetime import datetime
 
 import numpy as np
 import pytest
-from ocean_files import FORMATS, WAVELENGTH, end, is_truth, jaz_irradiance_lines, jaz_lines, parse, text_of
+from instrument_files import WAVELENGTH, is_truth
+from ocean_files import FORMATS, end, jaz_irradiance_lines, jaz_lines, parse, text_of
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.importing.saturation import saturated_pixels
