@@ -20,6 +20,7 @@ from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.preparation import Prepared
+from lightfield.diagnosis.search.set_of_effects import ScoredSet, bic
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.parameter import FitParameter
@@ -202,3 +203,10 @@ def toy(low: float = -1e3, lay: Layout | None = None, **more: np.ndarray) -> Toy
     lay = layout() if lay is None else lay
     columns = {**waves(lay), **more}
     return Toy.of([candidate(name, low) for name in columns], columns, lay)
+
+
+def tried(made: Toy, problem: Problem, *names: str) -> ScoredSet:
+    """A set of effects, fitted and scored."""
+    explanation = tuple(c for c in problem.candidates if c.name in names)
+    fit = made.fit(problem, *explanation)
+    return ScoredSet(explanation, fit, bic(fit, explanation, 1.0, len(problem.value)))

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import toy_problem
 
 from lightfield.diagnosis.adequacy.robust import (
     outliers,
@@ -16,7 +17,7 @@ from lightfield.diagnosis.adequacy.robust import (
     unstated_error,
 )
 from lightfield.diagnosis.adequacy.scale import noise_scale
-from lightfield.diagnosis.problem.layout import layout_of
+from lightfield.diagnosis.problem.layout import Layout, layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.quoted import smooth_stderr
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -24,17 +25,9 @@ from lightfield.diagnosis.problem.whitening import Whitener
 RNG = np.random.default_rng(5)
 
 
-def layout(n_planes: int = 5, n_x: int = 21, order: str = "plane"):
-    z, x = (a.ravel() for a in np.meshgrid(np.arange(n_planes) + 4.5, np.linspace(-1, 1, n_x), indexing="ij"))
-    n = len(x)
-    time = 20.0 * (np.arange(n) if order == "plane" else np.random.default_rng(0).permutation(n))
-    return layout_of(
-        SimpleNamespace(
-            x_m=x, y_m=np.zeros(n), z_m=z, time_s=time, wavelength_nm=np.full(n, 525.0),
-            medium=np.full(n, "water"), visit=np.full(n, np.nan),
-            repeat=np.full(n, np.nan), common_percent=np.full(n, np.nan),
-        )
-    )  # fmt: skip
+def layout(planes: int = 5, across: int = 21) -> Layout:
+    """Read as they stand."""
+    return toy_problem.layout(planes, across, in_order=True)
 
 
 def test_smoothed_errors_follow_the_law_and_not_the_scatter() -> None:
@@ -96,7 +89,7 @@ def test_whitened_noise_is_white() -> None:
 
 def test_an_assumed_plane_gain_needs_a_stay() -> None:
     """In random order a reading has a stay to itself: an assumed gain error must not widen it."""
-    ordered, random = layout(order="plane"), layout(order="random")
+    ordered, random = layout(), toy_problem.layout(5, 21)
     for lay, wide in ((ordered, True), (random, False)):
         zero = np.zeros(lay.size)
         noise = Noise(lay, zero + 0.01, np.ones(lay.size), Budget(0.003, 0.0, 0.0), zero)

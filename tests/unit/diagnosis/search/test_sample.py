@@ -6,7 +6,7 @@ Here 400 readings count as many, so that both ways can be gone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, cast
@@ -14,7 +14,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from analytic_readings import many_lines
-from toy_problem import Toy, Untraced, layout, toy, waves
+from toy_problem import layout, toy, tried, waves
+from wave_problem import OMEGA, SIGMA, wave_problem
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem import noise as noise_module
@@ -26,14 +27,12 @@ from lightfield.diagnosis.search import small_sets as search_module
 from lightfield.diagnosis.search.cascade import OwnErrors
 from lightfield.diagnosis.search.preparation import base_at, bench
 from lightfield.diagnosis.search.profile_likelihood import profiled
-from lightfield.diagnosis.search.set_of_effects import ScoredSet, bic
+from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.diagnosis.search.small_sets import at_lowest_minima
 from lightfield.diagnosis.search.told_apart import nearest_rival
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.parameter import FitParameter
 
 FEW = 120
-SIGMA, OMEGA = 0.05, 1.0
 
 
 @pytest.fixture
@@ -53,42 +52,14 @@ def in_full(problem: Problem) -> Problem:
     return out
 
 
-class Wave:
-    """A sin^2 of unknown frequency and depth, which counts its predictions of all places."""
-
-    light = Untraced()
-
-    def __init__(self, x: np.ndarray, calls: list[int]) -> None:
-        self.x, self.size, self.calls = x, len(x), calls
-
-    def predict(self, values: Mapping[str, float]) -> np.ndarray:
-        self.calls.append(self.size)
-        return np.asarray(values["base"] + values["depth"] * np.sin(values["omega"] * self.x) ** 2)
-
-    def subset(self, rows: np.ndarray) -> Wave:
-        return Wave(self.x[rows], self.calls)
-
-
 def wave(whole: bool) -> tuple[Problem, Any, Whitener, list[int]]:
     """At whole numbers the frequencies w and pi - w are the same."""
     lay = layout(5, 80, in_order=True)
     x = np.round(4.5 * (lay.x_m + 1)) if whole else 4.5 * (lay.x_m + 1)
-    calls: list[int] = []
-    forward = Wave(x, calls)
-    rng = np.random.default_rng(1)
-    value = forward.predict({"base": 1.0, "depth": 0.5, "omega": OMEGA})
-    value = value + SIGMA * rng.standard_normal(lay.size)
-    depth = FitParameter("depth", 0.0, 2.0, 0.0, 1e-4)
-    omega = FitParameter("omega", 0.5, np.pi - 0.5, 2.0, 1e-4)
-    shaped = SimpleNamespace(
-        amplitudes=(depth,), shapes=(omega,), parameters=(depth, omega), grid=((0.8,), (1.3,), (2.0,)),
-        effect=SimpleNamespace(instead_of=()),
-    )  # fmt: skip
-    base = (FitParameter("base", 0.0, 3.0, 1.0, 1e-4),)
-    problem = Problem(cast(Any, forward), lay, value, np.ones(lay.size), base, (cast(Any, shaped),))
+    problem, shaped = wave_problem(x, 1, lay)
     flat = np.zeros(lay.size)
     noise = Noise(lay, flat + SIGMA, flat + 1.0, Budget(0.0, 0.0, 0.0), flat)
-    return problem, shaped, Whitener(noise), calls
+    return problem, shaped, Whitener(noise), cast(Any, problem.forward).calls
 
 
 @dataclass(frozen=True)
@@ -147,12 +118,6 @@ def test_a_sample_leads_scattered_light_to_its_lowest_minimum(
     calls.clear()
     profiled(in_full(problem), (shaped,), stuck, whiten, 1.0)
     assert none <= 2 < some < 0.5 * calls.count(problem.layout.size)
-
-
-def tried(made: Toy, problem: Problem, *names: str) -> ScoredSet:
-    explanation = tuple(c for c in problem.candidates if c.name in names)
-    fit = made.fit(problem, *explanation)
-    return ScoredSet(explanation, fit, bic(fit, explanation, 1.0, len(problem.value)))
 
 
 def test_the_nearest_rival_of_a_sample_is_the_nearest(many: None) -> None:

@@ -5,18 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import special, stats
-from toy_problem import Toy, candidate, layout, toy, waves
+from toy_problem import Toy, candidate, layout, toy, tried, waves
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
 from lightfield.diagnosis.search import told_apart
 from lightfield.diagnosis.search.set_of_effects import ScoredSet, bic, weights
 from lightfield.diagnosis.search.told_apart import detection_limits, isolability, nearest_rival, separation
-
-
-def tried(made: Toy, problem, *names: str) -> ScoredSet:
-    explanation = tuple(c for c in problem.candidates if c.name in names)
-    fit = made.fit(problem, *explanation)
-    return ScoredSet(explanation, fit, bic(fit, explanation, 1.0, len(problem.value)))
 
 
 def apart(made: Toy, truth: np.ndarray, *rival: str) -> float:
