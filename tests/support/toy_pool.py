@@ -10,7 +10,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.search_progress import SILENT
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 
 
 def more_waves(lay) -> dict[str, np.ndarray]:
@@ -50,4 +50,4 @@ def with_curve() -> Toy:
 def many(made: Toy, problem, seed: int = 0) -> Many:
     data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
     prepared = made.prepared(problem)
-    return search_many(data, prepared, 0.01, np.random.default_rng(seed), SILENT)
+    return search_many(data, prepared, 0.01, np.random.default_rng(seed), SoFar())

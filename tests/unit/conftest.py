@@ -111,3 +111,9 @@ def words_alone():
 def undrawn(monkeypatch, words_alone):
     """Figures are made, but only their words reach the page: drawing takes most of a page's time."""
     words_alone(monkeypatch)
+
+
+@pytest.fixture
+def few_replicates(monkeypatch):
+    """Tests of a diagnosis draw fewer readings: they take most of its time."""
+    monkeypatch.setattr("lightfield.diagnosis.search.preparation.REPLICATES", 199)

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
 from lightfield.diagnosis.certainty import CONVINCING
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
@@ -27,7 +26,7 @@ from lightfield.diagnosis.search.own_errors import (
 from lightfield.diagnosis.search.pool.any_number import Many
 from lightfield.diagnosis.search.pool.evidence import GAP, evidence
 from lightfield.diagnosis.search.preparation import Bench, Prepared, base_at, judged
-from lightfield.diagnosis.search.search_progress import SILENT, Progress
+from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, bic, scale_of_errors, weights
 from lightfield.diagnosis.search.small_sets import (
     SINGLES_TESTED,
@@ -303,11 +302,7 @@ def far_beyond(problem: Problem, level: Level, fit: Fit) -> bool:
 
 
 def search(
-    prepared: Prepared,
-    tolerance: float,
-    rng: np.random.Generator,
-    alpha: float = ALPHA,
-    progress: Progress = SILENT,
+    prepared: Prepared, tolerance: float, rng: np.random.Generator, alpha: float, progress: Progress
 ) -> SearchResult:
     """The smallest sets of effects beside which nothing is missing.
 

@@ -16,15 +16,3 @@ class Progress(Protocol):
 
     def tried(self, sets: int, problem: Problem, explanation: Explanation, fit: Fit) -> None:
         """So many sets more were fitted, and this is the best so far."""
-
-
-class _Silent:
-    def __call__(self, stage: str) -> None:
-        pass
-
-    def tried(self, sets: int, problem: Problem, explanation: Explanation, fit: Fit) -> None:
-        pass
-
-
-#: Where nobody asks for progress.
-SILENT: Progress = _Silent()

@@ -17,8 +17,8 @@ import pytest
 from analytic_readings import readings
 from scipy import stats
 
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.diagnose import diagnose
-from lightfield.diagnosis.search.cascade import ALPHA
 from lightfield.diagnosis.verdict.verdict import Verdict, json_schema
 
 SINGLE = {

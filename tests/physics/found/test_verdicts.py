@@ -18,9 +18,9 @@ import numpy as np
 import pytest
 from analytic_readings import scene as open_water
 
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.plan import plan
-from lightfield.diagnosis.search.cascade import ALPHA
 from lightfield.diagnosis.verdict.ladder import bright
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.fitting.diffuse_light import DiffuseSource

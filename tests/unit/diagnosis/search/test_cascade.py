@@ -19,16 +19,14 @@ from lightfield.diagnosis.search.many import levelled
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import GAP
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 
-
-@pytest.fixture(autouse=True)
-def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preparation, "REPLICATES", 199)
+pytestmark = pytest.mark.usefixtures("few_replicates")
 
 
 def found(made: Toy, problem, tolerance: float = 0.0, alpha: float = 0.01, seed: int = 0) -> SearchResult:
     prepared = made.prepared(problem, tolerance)
-    return search(prepared, tolerance, np.random.default_rng(seed), alpha)
+    return search(prepared, tolerance, np.random.default_rng(seed), alpha, SoFar())
 
 
 def alarms(sets: int, alpha: float, factor: float = 1.0) -> int:

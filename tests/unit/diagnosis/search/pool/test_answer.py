@@ -23,7 +23,7 @@ from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import FAMILY, Weighing
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.search_progress import SILENT
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -134,12 +134,12 @@ def test_what_more_effects_do_not_explain_is_no_finding_of_two(monkeypatch: pyte
     made = toy()
     problem = made.drawn(np.random.default_rng(1), odd=4.0, dusk=-4.0)
     rng, prepared = np.random.default_rng(0), made.prepared(problem)
-    two = search(prepared, 0.0, rng, ALPHA, SILENT)
+    two = search(prepared, 0.0, rng, ALPHA, SoFar())
     assert two.size == 2 and two.accepted
     failed = replace(many(made, problem), adequate=False)
     monkeypatch.setattr(beyond, "search_many", lambda *_: failed)
     data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
-    _, more = beyond.beyond_two(data, prepared, two, ALPHA, 0, SILENT)
+    _, more = beyond.beyond_two(data, prepared, two, ALPHA, 0, SoFar())
     assert (more.size, more.accepted, more.weights) == (None, [], [])
     assert more.best is None and set(more.closest.names) == {"odd", "dusk"}
 

@@ -16,7 +16,6 @@ from toy_problem import Toy, candidate, curve, layout
 from lightfield.diagnosis.problem import problem as problems
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST, named
 from lightfield.diagnosis.search.pool.any_number import Data, Many, search_many
@@ -30,10 +29,7 @@ from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.least_squares import Fit
 
-
-@pytest.fixture(autouse=True)
-def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preparation, "REPLICATES", 199)
+pytestmark = pytest.mark.usefixtures("few_replicates")
 
 
 def regression(found: Many, names: Iterable[str]) -> tuple[np.ndarray, float]:

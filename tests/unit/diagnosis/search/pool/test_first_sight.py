@@ -12,7 +12,7 @@ from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.many import leaves, misses_by_far
 from lightfield.diagnosis.search.pool.any_number import Data, Many, never, search_many
-from lightfield.diagnosis.search.search_progress import SILENT
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 
 
 def sought(hidden: dict[str, float], scatter: float, ends, known: str) -> Many:
@@ -26,7 +26,7 @@ def sought(hidden: dict[str, float], scatter: float, ends, known: str) -> Many:
     fit = problem.fit((one,), Whitener(prepared.noise), [np.array([*[p.start for p in problem.base], 0.0])])
     prepared = replace(prepared, explanation=(one,), reference=fit)
     data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
-    return search_many(data, prepared, 0.01, np.random.default_rng(0), SILENT, ends)
+    return search_many(data, prepared, 0.01, np.random.default_rng(0), SoFar(), ends)
 
 
 @pytest.mark.parametrize(
@@ -52,5 +52,5 @@ def test_what_misses_by_far_is_left_to_others(sigma: float, at_first_sight: bool
     problem = replace(problem, value=problem.value - sigma * made.sigma * shadow)
     data = Data(problem, made.sigma, Budget(0.0, 0.0, 0.0))
     rng = np.random.default_rng(0)
-    found = search_many(data, made.prepared(problem), 0.01, rng, SILENT, misses_by_far(0.0))
+    found = search_many(data, made.prepared(problem), 0.01, rng, SoFar(), misses_by_far(0.0))
     assert found.at_first_sight is at_first_sight

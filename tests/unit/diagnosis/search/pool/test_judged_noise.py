@@ -12,18 +12,14 @@ from toy_problem import layout
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool import any_number as pooled
 from lightfield.diagnosis.search.pool import looks
 from lightfield.diagnosis.search.pool.quick import Begin
-from lightfield.diagnosis.search.search_progress import SILENT
 from lightfield.diagnosis.search.set_of_effects import FittedSet
+from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.fitting.least_squares import Fit
 
-
-@pytest.fixture(autouse=True)
-def _few_replicates(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(preparation, "REPLICATES", 199)
+pytestmark = pytest.mark.usefixtures("few_replicates")
 
 
 @pytest.mark.parametrize("errors", [0.4, 2.5])
@@ -70,6 +66,6 @@ def test_noise_is_told_as_judged_in_the_light_of_the_sets_beside_it(monkeypatch:
     ):  # fmt: skip
         monkeypatch.setattr(pooled, name, value)
     data = pooled.Data(problem, made.sigma, Budget(0.0, 0.0, 1e-4))
-    found = pooled.search_many(data, made.prepared(problem), 0.01, np.random.default_rng(0), SILENT)
+    found = pooled.search_many(data, made.prepared(problem), 0.01, np.random.default_rng(0), SoFar())
     assert found.tolerance == 1e-4 and "odd" in found.best.names
     assert found.pool.problem is found.prepared.problem
