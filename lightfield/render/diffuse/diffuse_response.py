@@ -88,17 +88,9 @@ class DiffuseResponse:
         modes, _ = self.errors(scene, [wavelength_nm], np.zeros(len(self.shift.cell), int))
         return self.light(scene, [wavelength_nm])[0], np.linalg.norm(modes, axis=1)
 
-    def light(
-        self, scene: Scene, wavelengths_nm: Sequence[float | None], kinds: range = EVERY_CLASS
-    ) -> Array:
-        """The values of `evaluate` at several wavelengths, without their errors; shape (n_wavelengths, n).
-
-        Parameters
-        ----------
-        kinds : range
-            Classes of light, see `light_classes`.
-        """
-        return self.in_waters(scene, [scene.water], wavelengths_nm, kinds)[0]
+    def light(self, scene: Scene, wavelengths_nm: Sequence[float | None]) -> Array:
+        """The values of `evaluate` at several wavelengths, without their errors; shape (n_wavelengths, n)."""
+        return self.in_waters(scene, [scene.water], wavelengths_nm)[0]
 
     def in_waters(
         self,
@@ -107,7 +99,13 @@ class DiffuseResponse:
         wavelengths_nm: Sequence[float | None],
         kinds: range = EVERY_CLASS,
     ) -> Array:
-        """The same in waters that differ by what absorbs and scatters, (n_waters, n_wavelengths, n)."""
+        """The same in waters that differ by what absorbs and scatters, (n_waters, n_wavelengths, n).
+
+        Parameters
+        ----------
+        kinds : range
+            Classes of light, see `light_classes`.
+        """
         if scene.lamp.width_slope:
             return colour_by_colour(
                 scene, wavelengths_nm, lambda one, at: self.in_waters(one, waters, at, kinds)
