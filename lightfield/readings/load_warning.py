@@ -69,7 +69,7 @@ class LoadWarning:
     @property
     def sentence(self) -> str:
         """What is the matter."""
-        words = _SENTENCES[self.code]
+        words, _ = _WORDS[self.code]
         if callable(words):
             return words(self.values)
         return words.format(
@@ -79,7 +79,7 @@ class LoadWarning:
     @property
     def remedy(self) -> str:
         """What would help."""
-        words = _REMEDIES[self.code]
+        _, words = _WORDS[self.code]
         return words(self.values) if callable(words) else words.format(**self.values)
 
     def __str__(self) -> str:
@@ -153,83 +153,114 @@ def _single(said: Mapping[str, Remarked]) -> str:
 
 
 _Words = str | Callable[[Mapping[str, Remarked]], str]
-_SENTENCES: dict[Remarks, _Words] = {
-    Remarks.SATURATED: "{saturated} of {readings} readings are saturated and left out",
-    Remarks.FAR_PLACES: "{name} reaches {far_m:g} m, where light of a lamp is hardly read: it looks like "
-    "centimetres or millimetres",
-    Remarks.LATE_TIMES: "time_s begins at {first_s:g} s: drifts count from 0, the attenuation is that of "
-    "0, and a lamp that grows brighter by {percent:.2g} % or more while it is read is no drift from 0 on",
-    Remarks.FAST_TIMES: "by time_s the detector moved at {speed:g} m/s: it looks like minutes or hours",
-    Remarks.SLOW_TIMES: "by time_s it took {step_s:g} s from place to place: it looks like milliseconds",
-    Remarks.LARGE_ERRORS: "the standard errors are larger than the brightest readings: value and stderr look "
-    "exchanged",
-    Remarks.EXACT_ZEROS: "{zeros} of {readings} readings are exactly 0, where noise would scatter: the "
-    "instrument reads nothing below some level",
-    Remarks.FEW_PLANES: _few_planes,
-    Remarks.ON_AXIS_ONLY: "all readings are on the axis: the beam's shape and direction cannot be told",
-    Remarks.X_ONE_SIDE: "x is on one side of the axis only: offset, tilt, width and asymmetry look alike",
-    Remarks.CONSTANT_INTEGRATION_TIME: _exposure,
-    Remarks.NO_REPEATS: "no position is visited twice: drift shows only through the model, repositioning "
-    "errors do not show",
-    Remarks.NO_STDERR: "{unknown} of {readings} readings have no standard error: the noise has to be "
-    "estimated from the misfit",
-    Remarks.NO_ERROR_BUDGET: _no_budget,
-    Remarks.NO_TIME: "not all readings have a time: lamp drift cannot be tested",
-    Remarks.SCAN_ORDER: "the scan order is the plane order: every drift in time looks like a change with "
-    "distance",
-    Remarks.ENCODING: "the file is not UTF-8 and was read as Latin-1",
-    Remarks.UNUSED_COLUMN: "the column {unused!r} is not used; it looks like {missing}, which is missing",
-    Remarks.UNUSED_ENTRY: "{unused!r} in the head is not used; it looks like {missing}",
-    Remarks.IGNORED_COLUMNS: "columns that are not used: {columns}",
-    Remarks.UNIT_TAKEN: "the column {column!r} does not say its unit: {meaning} is taken to be in {unit}",
-    Remarks.TIME_FROM_HEADER: "times are taken from the dates in the files, from {start}",
-    Remarks.LIT_DARK: "darks that show the lamp's spectrum, up to {percent:.0f} % of that of {lit}: {files}",
-    Remarks.NO_DARK: "no dark spectrum for {files}: the dark signal is still in these readings",
-    Remarks.DARK_IN_PROGRAM: "the program held a dark spectrum: it may have been subtracted already",
-    Remarks.FLAT_TOP: _flat_top,
-    Remarks.NONLINEARITY: _nonlinearity,
-    Remarks.MIXED_SETTINGS: "the files differ in {setting}: {found}",
-    Remarks.NO_EXPOSURE: "some files do not say their exposure",
-    Remarks.ODD_FILE: "{note}: {files}",
-    Remarks.SINGLE_SPECTRA: _single,
-    Remarks.RESTLESS: _restless,
-    Remarks.UNDIVIDED: "exposures go from {shortest_s:g} to {longest_s:g} s, and no value is divided by them",
-    Remarks.COMMON_FLICKER: "the lamp flickers or drifts from repeat to repeat: all bands of a spectrum are "
-    "off together by {percent:.2g} % of a reading, as the column common_percent says to every analysis",
-}
-_REMEDIES: dict[Remarks, _Words] = {
-    Remarks.SATURATED: "shorten the exposure there",
-    Remarks.FAR_PLACES: "give positions in metres",
-    Remarks.LATE_TIMES: "count time_s from the first reading, or from when the lamp was switched on",
-    Remarks.FAST_TIMES: "give time_s in seconds",
-    Remarks.SLOW_TIMES: "give time_s in seconds",
-    Remarks.LARGE_ERRORS: "exchange them, or state errors in the unit of the readings",
-    Remarks.EXACT_ZEROS: "leave them out, and those little brighter; switch such a threshold off",
-    Remarks.FEW_PLANES: "measure at five distances or more",
-    Remarks.ON_AXIS_ONLY: "scan across the beam",
-    Remarks.X_ONE_SIDE: "add readings on the other side",
-    Remarks.CONSTANT_INTEGRATION_TIME: _vary_exposure,
-    Remarks.NO_REPEATS: "come back to a reference position three times or more",
-    Remarks.NO_STDERR: "give stderr from repeated spectra",
-    Remarks.NO_ERROR_BUDGET: "state them in the head of the file",
-    Remarks.NO_TIME: "give time_s, seconds since the first reading",
-    Remarks.SCAN_ORDER: "go back to the first plane at the end, or measure in random order",
-    Remarks.ENCODING: "save it as UTF-8",
-    Remarks.UNUSED_COLUMN: "rename it to {missing}, in that unit",
-    Remarks.UNUSED_ENTRY: "rename it to {missing}",
-    Remarks.IGNORED_COLUMNS: "say what one of them is, if it matters: column MEANING=NAME",
-    Remarks.UNIT_TAKEN: "if that is wrong, write the unit in brackets behind the name of the column",
-    Remarks.TIME_FROM_HEADER: "give time_s in the index if the instrument's clock was wrong",
-    Remarks.LIT_DARK: "correct the roles in the index, or take the dark with the lamp covered",
-    Remarks.NO_DARK: "add files with the role dark, at the same exposure",
-    Remarks.DARK_IN_PROGRAM: "make sure that the files hold raw counts (scope mode without dark subtraction)",
-    Remarks.FLAT_TOP: "shorten the exposure; state the full scale",
-    Remarks.NONLINEARITY: "switch it on, or expect detector.saturation to be suspected",
-    Remarks.MIXED_SETTINGS: "keep one setting throughout",
-    Remarks.NO_EXPOSURE: "give integration_time_s",
-    Remarks.ODD_FILE: "look at the file",
-    Remarks.SINGLE_SPECTRA: "take three spectra or more at each place",
-    Remarks.RESTLESS: "look at their spectra, and leave the wild one out of the index",
-    Remarks.UNDIVIDED: "if the files hold counts, say so: the unit is counts",
-    Remarks.COMMON_FLICKER: "more repeats or a steadier supply make a flicker less, a longer warm-up a drift",
+#: What is the matter, and what would help.
+_WORDS: dict[Remarks, tuple[_Words, _Words]] = {
+    Remarks.SATURATED: (
+        "{saturated} of {readings} readings are saturated and left out",
+        "shorten the exposure there",
+    ),
+    Remarks.FAR_PLACES: (
+        "{name} reaches {far_m:g} m, where light of a lamp is hardly read: it looks like centimetres or "
+        "millimetres",
+        "give positions in metres",
+    ),
+    Remarks.LATE_TIMES: (
+        "time_s begins at {first_s:g} s: drifts count from 0, the attenuation is that of 0, and a lamp that "
+        "grows brighter by {percent:.2g} % or more while it is read is no drift from 0 on",
+        "count time_s from the first reading, or from when the lamp was switched on",
+    ),
+    Remarks.FAST_TIMES: (
+        "by time_s the detector moved at {speed:g} m/s: it looks like minutes or hours",
+        "give time_s in seconds",
+    ),
+    Remarks.SLOW_TIMES: (
+        "by time_s it took {step_s:g} s from place to place: it looks like milliseconds",
+        "give time_s in seconds",
+    ),
+    Remarks.LARGE_ERRORS: (
+        "the standard errors are larger than the brightest readings: value and stderr look exchanged",
+        "exchange them, or state errors in the unit of the readings",
+    ),
+    Remarks.EXACT_ZEROS: (
+        "{zeros} of {readings} readings are exactly 0, where noise would scatter: the instrument reads "
+        "nothing below some level",
+        "leave them out, and those little brighter; switch such a threshold off",
+    ),
+    Remarks.FEW_PLANES: (_few_planes, "measure at five distances or more"),
+    Remarks.ON_AXIS_ONLY: (
+        "all readings are on the axis: the beam's shape and direction cannot be told",
+        "scan across the beam",
+    ),
+    Remarks.X_ONE_SIDE: (
+        "x is on one side of the axis only: offset, tilt, width and asymmetry look alike",
+        "add readings on the other side",
+    ),
+    Remarks.CONSTANT_INTEGRATION_TIME: (_exposure, _vary_exposure),
+    Remarks.NO_REPEATS: (
+        "no position is visited twice: drift shows only through the model, repositioning errors do not show",
+        "come back to a reference position three times or more",
+    ),
+    Remarks.NO_STDERR: (
+        "{unknown} of {readings} readings have no standard error: the noise has to be estimated from the "
+        "misfit",
+        "give stderr from repeated spectra",
+    ),
+    Remarks.NO_ERROR_BUDGET: (_no_budget, "state them in the head of the file"),
+    Remarks.NO_TIME: (
+        "not all readings have a time: lamp drift cannot be tested",
+        "give time_s, seconds since the first reading",
+    ),
+    Remarks.SCAN_ORDER: (
+        "the scan order is the plane order: every drift in time looks like a change with distance",
+        "go back to the first plane at the end, or measure in random order",
+    ),
+    Remarks.ENCODING: ("the file is not UTF-8 and was read as Latin-1", "save it as UTF-8"),
+    Remarks.UNUSED_COLUMN: (
+        "the column {unused!r} is not used; it looks like {missing}, which is missing",
+        "rename it to {missing}, in that unit",
+    ),
+    Remarks.UNUSED_ENTRY: (
+        "{unused!r} in the head is not used; it looks like {missing}",
+        "rename it to {missing}",
+    ),
+    Remarks.IGNORED_COLUMNS: (
+        "columns that are not used: {columns}",
+        "say what one of them is, if it matters: column MEANING=NAME",
+    ),
+    Remarks.UNIT_TAKEN: (
+        "the column {column!r} does not say its unit: {meaning} is taken to be in {unit}",
+        "if that is wrong, write the unit in brackets behind the name of the column",
+    ),
+    Remarks.TIME_FROM_HEADER: (
+        "times are taken from the dates in the files, from {start}",
+        "give time_s in the index if the instrument's clock was wrong",
+    ),
+    Remarks.NO_DARK: (
+        "no dark spectrum for {files}: the dark signal is still in these readings",
+        "add files with the role dark, at the same exposure",
+    ),
+    Remarks.LIT_DARK: (
+        "darks that show the lamp's spectrum, up to {percent:.0f} % of that of {lit}: {files}",
+        "correct the roles in the index, or take the dark with the lamp covered",
+    ),
+    Remarks.DARK_IN_PROGRAM: (
+        "the program held a dark spectrum: it may have been subtracted already",
+        "make sure that the files hold raw counts (scope mode without dark subtraction)",
+    ),
+    Remarks.FLAT_TOP: (_flat_top, "shorten the exposure; state the full scale"),
+    Remarks.NONLINEARITY: (_nonlinearity, "switch it on, or expect detector.saturation to be suspected"),
+    Remarks.MIXED_SETTINGS: ("the files differ in {setting}: {found}", "keep one setting throughout"),
+    Remarks.NO_EXPOSURE: ("some files do not say their exposure", "give integration_time_s"),
+    Remarks.ODD_FILE: ("{note}: {files}", "look at the file"),
+    Remarks.SINGLE_SPECTRA: (_single, "take three spectra or more at each place"),
+    Remarks.COMMON_FLICKER: (
+        "the lamp flickers or drifts from repeat to repeat: all bands of a spectrum are off together by "
+        "{percent:.2g} % of a reading, as the column common_percent says to every analysis",
+        "more repeats or a steadier supply make a flicker less, a longer warm-up a drift",
+    ),
+    Remarks.RESTLESS: (_restless, "look at their spectra, and leave the wild one out of the index"),
+    Remarks.UNDIVIDED: (
+        "exposures go from {shortest_s:g} to {longest_s:g} s, and no value is divided by them",
+        "if the files hold counts, say so: the unit is counts",
+    ),
 }
