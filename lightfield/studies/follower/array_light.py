@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
-from lightfield.scene.lamp.frame import is_round
+from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies import defaults
 from lightfield.studies.follower.elements import Elements
@@ -28,6 +28,8 @@ LAMP_TILTS = {"lamp tilt x": "x", "lamp tilt y": "y"}
 STEP = 1e-4
 #: Relative step of the water's coefficients: their derivatives are smooth.
 WATER_STEP = 1e-2
+#: An element that reads less than this part of the brightest tells nothing (rounding of derivatives).
+DARK = 1e-9
 #: Room around the formation space in which a search may look, m (chosen).
 MARGIN_M = 0.3
 
@@ -163,8 +165,8 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
 
 
 def pose_names(scene: Scene) -> tuple[str, ...]:
-    """What can be known of a pose: about the axis of a round beam nothing turns anything."""
-    return POSE[:5] if is_round(scene.lamp) else POSE
+    """What can be known of a pose: about the axis of a round beam, tilted or not, nothing turns anything."""
+    return POSE[:5] if has_round_section(scene.lamp) else POSE
 
 
 @dataclass(frozen=True)
@@ -191,12 +193,8 @@ class ArrayModel:
         lamp_tilts : array, shape (m, 2), rad, optional
             Of the lamp, towards +x and up, beyond the scene's; all of its light turns with it.
         """
-        place, normal = placed(self.elements, poses)
-        if lamp_tilts is not None:
-            # A lamp that turns is a follower that turns the other way about it. Forward of an array is -z, of
-            # the lamp z: +yaw turns the lamp's light towards -x, +pitch down.
-            back = rotations(np.pad(lamp_tilts, ((0, 0), (0, 1)))).swapaxes(-1, -2)
-            place, normal = place @ back, normal @ back
+        back = _back(lamp_tilts)
+        place, normal = (v @ back for v in placed(self.elements, poses))
         read = self.light.reading(place.reshape(-1, 3), normal.reshape(-1, 3))
         return self.gain * read.reshape(len(poses), len(self.elements))
 
@@ -227,22 +225,40 @@ class ArrayModel:
         """
         wanted = [name for name in names if name in POSE]
         by_pose = dict(zip(wanted, self.by_pose(pose[None], wanted)[0].T, strict=True))
-        return np.stack([by_pose[n] if n in by_pose else self._by(pose, n) for n in names], axis=1)
+        others = [name for name in names if name not in by_pose and name != "gain"]
+        by_others = dict(zip(others, self.by_nuisances(pose[None], others)[0].T, strict=True))
+        by_gain = {"gain": self.readings(pose[None])[0]} if "gain" in names else {}
+        return np.stack([(by_pose | by_others | by_gain)[name] for name in names], axis=1)
 
-    def _by(self, pose: Array, name: str) -> Array:
-        if name == "gain":
-            return self.readings(pose[None])[0]
-        return self._by_tilt(pose, LAMP_TILTS[name]) if name in LAMP_TILTS else self._by_water(pose, name)
+    def by_nuisances(self, poses: Array, names: Sequence[str]) -> Array:
+        """Derivatives by what is no pose and no gain, shape (m, n_elements, len(names)), see `slopes`."""
+        found = np.zeros((len(poses), len(self.elements), len(names)))
+        for k, name in enumerate(names):
+            found[..., k] = self._around(name).slope("readings", poses)
+        return found
 
-    def by_pose(self, poses: Array, names: Sequence[str]) -> Array:
+    def by_both(self, poses: Array, names: Sequence[str], nuisances: Sequence[str]) -> Array:
+        """Derivatives of `by_nuisances` by the pose, shape (m, n_elements, len(nuisances), len(names))."""
+        found = np.zeros((len(poses), len(self.elements), len(nuisances), len(names)))
+        for k, name in enumerate(nuisances):
+            found[:, :, k] = self._around(name).slope("by_pose", poses, names)
+        return found
+
+    def by_pose(self, poses: Array, names: Sequence[str], lamp_tilts: Array | None = None) -> Array:
         """Derivatives by coordinates of the pose, shape (m, n_elements, len(names)).
 
         A place turns with its element's arm, the reading with the place and with the normal.
+
+        Parameters
+        ----------
+        lamp_tilts : array, shape (m, 2), rad, optional
+            As of `readings`.
         """
-        elements, shape = self.elements, (len(poses), len(self.elements))
-        place, normal = placed(elements, poses)
+        elements, shape, turn = self.elements, (len(poses), len(self.elements)), _back(lamp_tilts)
+        place, normal = (v @ turn for v in placed(elements, poses))
         turned = [POSE.index(name) for name in names if name not in POSE[:3]]
-        arm, facing = _by_angles(elements, poses, [k - 3 for k in turned])  # [angle, m, n, 3]
+        # [angle, m, n, 3]
+        arm, facing = (v @ turn for v in _by_angles(elements, poses, [k - 3 for k in turned]))
         slopes = np.zeros((*shape, len(names)))
         for flux, by_place in self.light.fluxes(place.reshape(-1, 3)):
             # What flies back, where it is known.
@@ -256,15 +272,21 @@ class ArrayModel:
             lit = light * seen[..., None]
             for k, name in enumerate(names):
                 if name in POSE[:3]:
-                    slopes[..., k] += along[..., POSE.index(name)]
+                    slopes[..., k] += (along @ turn[:, POSE.index(name), :, None])[..., 0]
                 else:
                     angle = turned.index(POSE.index(name))
                     slopes[..., k] += (along * arm[angle]).sum(-1) - (lit * facing[angle]).sum(-1)
                     slopes[..., k] += turning * facing[angle][..., 2]
         return self.gain * slopes
 
+    def _around(self, name: str) -> _Around:
+        if name in LAMP_TILTS:
+            axis = LAMP_TILTS[name]
+            return _Around(self, self, STEP * np.array([axis == "x", axis == "y"], float), 2 * STEP)
+        return self._waters[name]
+
     @cached_property
-    def _waters(self) -> dict[str, tuple[ArrayModel, ArrayModel]]:
+    def _waters(self) -> dict[str, _Around]:
         """The same in water of a little more, and of a little less, absorption or scattering."""
         scene = self.light.scene
         at = middles_nm(scene)[0].mean(keepdims=True)
@@ -277,17 +299,42 @@ class ArrayModel:
                 )
                 for sign in (1, -1)
             )
-            found[name] = replace(self, light=more), replace(self, light=less)
+            found[name] = _Around(replace(self, light=more), replace(self, light=less), None, 2 * WATER_STEP)
         return found
 
-    def _by_water(self, pose: Array, name: str) -> Array:
-        more, less = (model.readings(pose[None])[0] for model in self._waters[name])
-        return (more - less) / (2 * WATER_STEP)
 
-    def _by_tilt(self, pose: Array, axis: str) -> Array:
-        tilt = STEP * np.array([[axis == "x", axis == "y"]], float)
-        more, less = (self.readings(pose[None], sign * tilt)[0] for sign in (1, -1))
-        return np.asarray((more - less) / (2 * STEP))
+@dataclass(frozen=True)
+class _Around:
+    """Light with a little more, and a little less, of what is not known; `apart` from each other.
+
+    Parameters
+    ----------
+    tilt : array, shape (2,), rad, or None
+        Of the lamp: added in the first, taken away in the other.
+    """
+
+    more: ArrayModel
+    less: ArrayModel
+    tilt: Array | None
+    apart: float
+
+    def slope(self, what: Literal["readings", "by_pose"], poses: Array, *names: Sequence[str]) -> Array:
+        """Derivative of a method's answer, shape as that has."""
+        tilts = None if self.tilt is None else np.tile(self.tilt, (len(poses), 1))
+        more = getattr(self.more, what)(poses, *names, lamp_tilts=tilts)
+        less = getattr(self.less, what)(poses, *names, lamp_tilts=None if tilts is None else -tilts)
+        return np.asarray((more - less) / self.apart)
+
+
+def _back(lamp_tilts: Array | None) -> Array:
+    """What turns places and normals, as rows, as tilted lamps see them, shape (m, 3, 3), or (1, 3, 3).
+
+    A lamp that turns is a follower that turns the other way about it. Forward of an array is -z, of the lamp
+    z: +yaw turns the lamp's light towards -x, +pitch down.
+    """
+    if lamp_tilts is None:
+        return np.eye(3)[None]
+    return rotations(np.pad(lamp_tilts, ((0, 0), (0, 1)))).swapaxes(-1, -2)
 
 
 def _by_angles(elements: Elements, poses: Array, angles: Sequence[int]) -> tuple[Array, Array]:

@@ -159,7 +159,8 @@ def belief(
     """
     readings = truth.readings(pose[None])[0]
     variance = noise.variance(readings)
-    found = find_minima(formula, readings, variance, names, pose[None], gain_sigma=gain_sigma)
+    unknown = {"gain": gain_sigma} if gain_sigma > 0 else {}
+    found = find_minima(formula, readings, variance, names, pose[None], nuisances=unknown)
     best, gain = found.poses[0], float(found.gains[0])
     covariance, lever = _spread(formula, readings, 1 / variance, best, gain, names, gain_sigma)
     # What the trace does not know of the readings moves the belief as noise of the readings would.

@@ -21,7 +21,7 @@ import numpy as np
 from lightfield.arrays import Array, finite
 from lightfield.decompositions import eigen
 from lightfield.scene import Scene
-from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel
+from lightfield.studies.follower.array_light import DARK, LAMP_TILTS, ArrayModel
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.frames import POSE, in_degrees, printed, with_units
 
@@ -36,8 +36,6 @@ LEAST_INFORMATION = 1e-4
 #: Errors from which on nothing is known, m and rad: a place to 100 m (see above), and an angle as one that
 #: may be any: 360 degrees over the root of 12.
 NOTHING_M, NOTHING_RAD = 100.0, 2 * np.pi / 12**0.5
-#: An element that reads less than this part of the brightest tells nothing (rounding of derivatives).
-DARK = 1e-9
 #: Prior, by its standard deviation, of a coordinate that is not known at all.
 UNKNOWN = np.inf
 
@@ -242,24 +240,20 @@ def bounds_together(
 def bound_pair(
     model: ArrayModel, pose: Array, names: Sequence[str], noise: SensorNoise, nuisances: Mapping[str, float]
 ) -> tuple[Bound, Bound]:
-    """What noise scatters of an estimate that seeks the gain, too; and the bound with the nuisances unknown.
+    """What noise scatters of an estimate that seeks the nuisances, too; and the bound with these unknown.
 
-    With H the information of pose and gain, its prior included, and B what of it the readings brought,
-    the scatter from one reading to the next is H^-1 B H^-1: the prior is the same in all.
+    With H the information of the pose and of what is not known exactly, its prior included, and B what of it
+    the readings brought, the scatter from one reading to the next is H^-1 B H^-1: the prior is the same in
+    all.
     """
     n = len(names)
-    readings, whole = information(model, pose, [*names, *nuisances], noise)
-    sought = [*range(n), *(n + k for k, name in enumerate(nuisances) if name == "gain")]
-    brought = whole[np.ix_(sought, sought)]
-    prior = float(nuisances.get("gain", UNKNOWN)) ** -2.0
-    back = inverse(brought + np.diag([0.0] * n + [prior] * (len(sought) - n)))
-    known = np.isfinite(np.diag(back))
-    scatter = np.where(known[:, None] & known, back, 0.0)
+    readings, brought = information(model, pose, [*names, *nuisances], noise)
+    covariance = inverse(brought + np.diag([0.0] * n + [float(s) ** -2.0 for s in nuisances.values()]))
+    known = np.isfinite(np.diag(covariance))
+    scatter = np.where(known[:, None] & known, covariance, 0.0)
     scatter = scatter @ brought @ scatter + np.diag(np.where(known, 0.0, np.inf))
-    alone = Bound(pose, tuple(names), scatter[:n, :n], {}, readings)
-    whole = whole + np.diag([0.0] * n + [float(s) ** -2.0 for s in nuisances.values()])
-    covariance = inverse(whole)
     spread = dict(zip(nuisances, np.sqrt(np.diag(covariance)[n:]).tolist(), strict=True))
+    alone = Bound(pose, tuple(names), scatter[:n, :n], {}, readings)
     return alone, Bound(pose, tuple(names), covariance[:n, :n], spread, readings)
 
 

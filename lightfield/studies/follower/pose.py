@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,10 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.frames import AXES, POSE, UNKNOWN_VARIANCE, in_degrees, in_frame
+from lightfield.studies.follower.frames import AXES, POSE, UNKNOWN_VARIANCE, in_degrees, in_frame, pose_of
 from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
-from lightfield.studies.follower.rival_poses import RivalPose, nearest_alike, others
+from lightfield.studies.follower.rival_poses import RivalPose, distinct, nearest_alike, others
 from lightfield.studies.follower.survey import array_of
 
 #: Poses a first search starts from: one in every eighth of the formation space.
@@ -143,9 +144,11 @@ class Estimator:
     names : tuple of str
         Coordinates that are sought.
     nuisances : mapping of str to float
-        What is not known exactly; the gain is sought with the pose.
+        What is not known exactly, and sought with the pose.
     space : Space
         Where the follower may be.
+    roll_rad : float
+        How it leans, where the light does not tell.
     """
 
     model: ArrayModel
@@ -153,12 +156,14 @@ class Estimator:
     names: tuple[str, ...]
     nuisances: Mapping[str, float]
     space: Space
+    roll_rad: float = 0.0
 
     @classmethod
     def of_scene(cls, scene: Scene, light: Light, space: Space) -> Estimator:
         """As the scene's array, follower and lamp say."""
         model = ArrayModel(light, elements_of(array_of(scene)))
-        return cls(model, SensorNoise.of_scene(scene), pose_names(scene), nuisances_of(scene), space)
+        noise, roll = SensorNoise.of_scene(scene), float(pose_of(scene.follower_here)[POSE.index("roll")])
+        return cls(model, noise, pose_names(scene), nuisances_of(scene), space, roll)
 
     def starts(self) -> Array:
         """Poses of a first search: the corners of the formation space, and rolls where they count."""
@@ -171,21 +176,22 @@ class Estimator:
         ]
         poses = np.zeros((FIRST_STARTS, len(POSE)))
         poses[:, :3] = places
-        if "roll" in self.names:
-            poses[:, 5] = np.linspace(-0.5 * np.pi, 0.5 * np.pi, FIRST_STARTS)
+        sought = "roll" in self.names
+        poses[:, 5] = np.linspace(-0.5 * np.pi, 0.5 * np.pi, FIRST_STARTS) if sought else self.roll_rad
         return poses
 
     def fit(self, readings: Array, starts: Array) -> Minima:
-        """Minima from the starts, best first; see `find_minima`."""
-        return find_minima(
-            self.model,
-            readings,
-            self.noise.variance(readings),
-            self.names,
-            starts,
-            gain_sigma=self.nuisances.get("gain", 0.0),
-            box=box_of(self.space),
-        ).best_first()
+        """Minima from the starts, best first; see `find_minima`.
+
+        The water and the lamp's direction are sought from where the pose is best with these as believed.
+        """
+        box, variance = box_of(self.space), self.noise.variance(readings)
+        gain = {name: sigma for name, sigma in self.nuisances.items() if name == "gain"}
+        search = partial(find_minima, self.model, readings, variance, self.names, box=box)
+        found = search(starts, nuisances=gain).best_first()
+        if gain != self.nuisances:
+            found = search(distinct(found.poses), nuisances=self.nuisances).best_first()
+        return found
 
     def estimate(
         self, readings: Array, last: Array | None = None, *, more_starts: int = 0, seed: int = 0
@@ -208,8 +214,9 @@ class Estimator:
         free = max(len(readings) - len(self.names), 1)
         begin = [self.starts()]
         if more_starts:
-            begin.append(starts_in(box_of(self.space), self.names, more_starts, seed))
+            begin.append(starts_in(box_of(self.space), self.names, more_starts, seed, self.roll_rad))
         if last is not None:
+            last = np.where(np.isin(POSE, self.names), last, begin[0][0])
             begin.append(last[None])
         found = self.fit(readings, np.concatenate(begin))
         best, k = float(found.chi2[0]), nearest_alike(found, last, ALIKE_SIGMA)

@@ -1,6 +1,10 @@
 """Which pose do readings come from? Least squares from many starts at once.
 
-    chi2 = sum (reading - gain mu(pose))^2 / variance + (ln gain / sigma_gain)^2
+    chi2 = sum (reading - mu(pose) exp(sum_k u_k d_k(pose)))^2 / variance + sum_k (u_k / sigma_k)^2
+
+u_k is what is not known exactly, the gain, the water, the lamp's direction, and d_k what it does to the
+logarithm of a reading, 1 for that of the gain: light fades by an exponential, so that this holds far from
+what is believed.
 
 Levenberg's and Marquardt's search (Marquardt 1963, J. SIAM 11, 431), all starts side by side: the light of
 all of
@@ -9,13 +13,13 @@ them is asked for in one call.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.studies.follower.array_light import MARGIN_M, ArrayModel, Space
+from lightfield.studies.follower.array_light import DARK, MARGIN_M, ArrayModel, Space
 from lightfield.studies.follower.frames import POSE
 
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
@@ -23,8 +27,8 @@ DAMPING, EASED, STIFFENED = 1e-3, 0.2, 8.0
 #: A search ends when a step gains less than this of chi2, in sigma^2, or is as stiff as this.
 LITTLE, STIFFEST = 1e-6, 1e10
 MOST_STEPS = 60
-#: Largest change of the logarithm of the gain in one step (chosen).
-LONGEST_GAIN_STEP = 0.5
+#: Largest change in one step of the logarithm of the gain, or of what else is not known (chosen).
+LONGEST_STEP = 0.5
 #: Least curvature of a coordinate, in the units of `information`: keeps dark starts from dividing by nothing.
 TINY = 1e-30
 #: Angles, rad, up to which the follower may be turned (chosen: 35 degrees, beyond it loses sight of the
@@ -62,11 +66,13 @@ def box_of(space: Space) -> tuple[Array, Array]:
     return low, high
 
 
-def starts_in(box: tuple[Array, Array], names: Sequence[str], count: int, seed: int) -> Array:
-    """Poses spread over a box, those coordinates at zero that are not sought, shape (count, 6)."""
+def starts_in(
+    box: tuple[Array, Array], names: Sequence[str], count: int, seed: int, roll_rad: float = 0.0
+) -> Array:
+    """Poses spread over a box, what is not sought of them at zero, or the known roll, shape (count, 6)."""
     low, high = box
-    sought = np.isin(POSE, list(names))
-    return np.where(sought, np.random.default_rng(seed).uniform(low, high, (count, len(POSE))), 0.0)
+    sought, known = np.isin(POSE, list(names)), roll_rad * (np.array(POSE) == "roll")
+    return np.where(sought, np.random.default_rng(seed).uniform(low, high, (count, len(POSE))), known)
 
 
 def find_minima(
@@ -76,7 +82,7 @@ def find_minima(
     names: Sequence[str],
     starts: Array,
     *,
-    gain_sigma: float = 0.0,
+    nuisances: Mapping[str, float] | None = None,
     box: tuple[Array, Array] | None = None,
     most_steps: int = MOST_STEPS,
 ) -> Minima:
@@ -88,34 +94,48 @@ def find_minima(
     names : sequence of str
         Coordinates that are sought.
     starts : array, shape (s, 6), m and rad
-    gain_sigma : float
-        Standard deviation of the logarithm of the gain beforehand; 0: known, infinite: free.
+    nuisances : mapping of str to float, optional
+        What is sought besides, by its standard deviation beforehand (infinite: free); see
+        `ArrayModel.slopes`.
     box : (low, high), optional
         Poses, shape (6,), to stay between.
     """
     at = [POSE.index(name) for name in names]
     wide = len(starts), len(model.elements)
     readings, weight = (np.broadcast_to(v, wide) for v in (readings, 1 / np.sqrt(variance)))
-    prior = 1 / gain_sigma if gain_sigma > 0 else 0.0
-    frees_gain = gain_sigma > 0
-    poses, gain = np.array(starts, float), np.zeros(len(starts))
+    sigmas = dict(nuisances or {})
+    others, gains = [name for name in sigmas if name != "gain"], int("gain" in sigmas)
+    prior = np.array([float(sigmas[name]) ** -1.0 for name in (["gain"] * gains + others)])
+    poses, unknown = np.array(starts, float), np.zeros((len(starts), len(sigmas)))
 
-    def residual(poses: Array, gain: Array, of: Array) -> tuple[Array, Array]:
-        read = model.readings(poses) * np.exp(gain)[:, None]
-        return np.concatenate([(readings[of] - read) * weight[of], -prior * gain[:, None]], axis=1), read
+    def residual(poses: Array, unknown: Array, of: Array) -> tuple[Array, Array, Array]:
+        """Of readings and nuisances; the light, and its logarithm's slopes by the nuisances."""
+        believed = model.readings(poses)
+        by = _over(model.by_nuisances(poses, others), believed)
+        by = np.concatenate([np.ones((*believed.shape, gains)), by], axis=2)
+        read = believed * np.exp(np.einsum("snk,sk->sn", by, unknown))
+        return np.concatenate([(readings[of] - read) * weight[of], -prior * unknown], axis=1), read, by
+
+    def slopes_at(poses: Array, unknown: Array, read: Array, by: Array) -> Array:
+        """Of the light, shape (s, n_elements, n_coordinates + n_nuisances)."""
+        believed, far = read * np.exp(-np.einsum("snk,sk->sn", by, unknown)), unknown[:, gains:]
+        own = _over(model.by_pose(poses, names), believed)
+        if others:
+            bent = np.einsum("snki,sk->sni", model.by_both(poses, names, others), far)
+            own += _over(bent, believed) - np.einsum("snk,sk->sn", by[..., gains:], far)[..., None] * own
+        return read[..., None] * np.concatenate([own, by], axis=2)
 
     going = np.ones(len(poses), bool)
-    r, read = residual(poses, gain, going)
+    r, read, by = residual(poses, unknown, going)
     chi2, damping = (r**2).sum(axis=1), np.full(len(poses), DAMPING)
-    slopes = np.zeros((len(poses), wide[1] + 1, len(at) + frees_gain))
+    slopes = np.zeros((len(poses), wide[1] + len(sigmas), len(at) + len(sigmas)))
+    slopes[:, wide[1] :, len(at) :] = np.diag(prior)
     stale = going.copy()
     for _ in range(most_steps):
         fresh = going & stale
         if fresh.any():
-            by_pose = model.by_pose(poses[fresh], names) * np.exp(gain[fresh])[:, None, None]
-            slopes[fresh, :-1, : len(at)] = by_pose * weight[fresh][:, :, None]
-            if frees_gain:
-                slopes[fresh, :-1, -1], slopes[fresh, -1, -1] = read[fresh] * weight[fresh], prior
+            every = slopes_at(poses[fresh], unknown[fresh], read[fresh], by[fresh])
+            slopes[fresh, : wide[1]] = every * weight[fresh][:, :, None]
         j = slopes[going]
         if box is not None:
             # At an end that it is drawn beyond, a coordinate is held: all else is best given that.
@@ -131,20 +151,20 @@ def find_minima(
         step = (
             scale * np.linalg.solve(damped * scale[:, :, None] * scale[:, None, :], right[..., None])[..., 0]
         )
-        tried, tried_gain = poses[going].copy(), gain[going].copy()
+        tried = poses[going].copy()
         tried[:, at] += step[:, : len(at)]
-        if frees_gain:
-            tried_gain += np.clip(step[:, -1], -LONGEST_GAIN_STEP, LONGEST_GAIN_STEP)
+        tried_unknown = unknown[going] + np.clip(step[:, len(at) :], -LONGEST_STEP, LONGEST_STEP)
         if box is not None:
             tried = np.clip(tried, *box)
-        new_r, new_read = residual(tried, tried_gain, going)
+        new_r, new_read, new_by = residual(tried, tried_unknown, going)
         new = (new_r**2).sum(axis=1)
         index = np.flatnonzero(going)
         better = new < chi2[index]
         gained = chi2[index] - new
         up = index[better]
-        poses[up], gain[up] = tried[better], tried_gain[better]
-        r[up], read[up], chi2[up] = new_r[better], new_read[better], new[better]
+        poses[up], unknown[up] = tried[better], tried_unknown[better]
+        r[up], chi2[up] = new_r[better], new[better]
+        read[up], by[up] = new_read[better], new_by[better]
         stale[:] = False
         stale[up] = True
         damping[index] = np.where(better, damping[index] * EASED, damping[index] * STIFFENED)
@@ -152,4 +172,10 @@ def find_minima(
         going[index[ended]] = False
         if not going.any():
             break
-    return Minima(poses, np.exp(gain), chi2)
+    return Minima(poses, np.exp(unknown[:, :gains].sum(axis=1)), chi2)
+
+
+def _over(slopes: Array, readings: Array) -> Array:
+    """Derivatives, (s, n, k), of the logarithms of readings, (s, n); zero where an element is dark."""
+    lit = readings > DARK * readings.max(axis=1, keepdims=True)
+    return np.divide(slopes, readings[..., None], out=np.zeros_like(slopes), where=lit[..., None])

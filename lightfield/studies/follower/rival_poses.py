@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,14 +51,14 @@ def rivals(
     noise: SensorNoise,
     box: tuple[Array, Array],
     *,
-    gain_sigma: float = 0.0,
+    nuisances: Mapping[str, float] | None = None,
     seed: int = 0,
 ) -> list[RivalPose]:
     """Other minima of the noise-free cost, nearest first, none closer to each other than `APART`."""
     readings = model.readings(pose[None])[0]
-    begin = starts_in(box, names, STARTS, seed)
+    begin = starts_in(box, names, STARTS, seed, float(pose[POSE.index("roll")]))
     found = find_minima(
-        model, readings, noise.variance(readings), names, begin, gain_sigma=gain_sigma, box=box
+        model, readings, noise.variance(readings), names, begin, nuisances=nuisances, box=box
     ).best_first()
     return others(found, pose)
 
@@ -84,6 +84,15 @@ def nearest_alike(found: Minima, last: Array | None, sigma: float) -> int:
             alike.append(k)
     far = [(_difference(found.poses[k], last) / APART) ** 2 for k in alike]
     return alike[int(np.argmin(np.sum(far, axis=1)))]
+
+
+def distinct(poses: Array) -> Array:
+    """The first of all poses that are the same minimum, shape (k, 6)."""
+    kept: list[Array] = []
+    for pose in poses:
+        if all(apart(pose, other) for other in kept):
+            kept.append(pose)
+    return np.array(kept)
 
 
 def apart(one: Array, other: Array) -> bool:

@@ -22,7 +22,7 @@ from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracked, Tracker
 from lightfield.wording import minus
 
-#: Random starts that look for rivals of the first pose.
+#: Random starts that look for rivals of a pose.
 RIVAL_STARTS = 32
 #: Readings so many times brighter than the space allows are in another unit: the lamp's power, or the gain,
 #: is hardly known worse.
@@ -228,8 +228,8 @@ def poses_of(
         estimates = [one.estimate for one in tracked]
     else:
         estimates, last = [], None
-        for k, one in enumerate(readings):
-            found = estimator.estimate(one, last, more_starts=0 if k else RIVAL_STARTS, seed=seed)
+        for one in readings:
+            found = estimator.estimate(one, last, more_starts=RIVAL_STARTS, seed=seed)
             last = None if found.lost else found.pose
             estimates.append(found)
     return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons))

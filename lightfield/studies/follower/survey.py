@@ -170,7 +170,7 @@ def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: 
         with_doubt(model, parts, pose, names, noise, nuisances),
         [with_doubt(model, parts, at, names, noise, nuisances) for at in along],
         bound_map(model, space, names, noise, nuisances),
-        rivals(model, pose, names, noise, box_of(space), gain_sigma=nuisances.get("gain", 0.0), seed=seed),
+        rivals(model, pose, names, noise, box_of(space), nuisances=nuisances, seed=seed),
         nuisances,
         bool(photons),
     )

@@ -206,5 +206,7 @@ class Tracker:
             self._common = found.total.covariance - found.noise_only.covariance
         known = bool(one.known[0])
         pose, rate = (v[0] if known else np.full(len(POSE), np.nan) for v in (one.poses, one.rates))
+        if known and "roll" not in self.estimator.names:
+            pose[POSE.index("roll")] = self.estimator.roll_rad
         covariance = one.covariance[0, :n, :n].copy() if known else np.full((n, n), np.nan)
         return Tracked(time_s, pose, rate, covariance, covariance + self._common, innovation, used, found)

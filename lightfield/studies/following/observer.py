@@ -58,7 +58,10 @@ class Observer:
         familiar = np.flatnonzero(self.lit & ~self.filter.sees_nothing_familiar)
         strange = np.flatnonzero(self.lit & self.filter.sees_nothing_familiar)
         free = max(readings.shape[1] - len(self.names), 1)
-        expected = np.clip(poses, *self.box)
+        expected, unknown = (
+            np.clip(poses, *self.box),
+            {"gain": self.gain_sigma} if self.gain_sigma > 0 else {},
+        )
         for which, more, steps in ((familiar, 0, STEPS), (strange, len(self._starts), STEPS_FROM_AFAR)):
             if not len(which):
                 continue
@@ -67,7 +70,7 @@ class Observer:
             of = np.repeat(which, 1 + more)
             found = find_minima(
                 self.model, readings[of], variance[of], self.names, each.reshape(-1, len(POSE)),
-                gain_sigma=self.gain_sigma, box=self.box, most_steps=steps,
+                nuisances=unknown, box=self.box, most_steps=steps,
             )  # fmt: skip
             far = found.chi2.reshape(len(which), 1 + more)
             # What was expected is given up only for what explains the readings better by five sigma.

@@ -122,6 +122,8 @@ class Followed:
                 return f"{believes} docks in {docked} of {count} runs"
             how = "misses the dock" if reached else "never comes to the dock"
             return f"{believes} {how}"
+        if not found["belief_less_truth"].runs:
+            return f"{believes} never learns where it is: no reading of the array tells its whole pose"
         z = found["standoff_at_end" if mission.turbid_factor != 1 or mission.dark_for_s else "standoff"]
         off = z.mean - mission.standoff_m
         stands = f"{believes} stands at {_pm(z, between)} m where {mission.standoff_m:g} m was asked"

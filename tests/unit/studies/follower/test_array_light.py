@@ -10,7 +10,7 @@ import pytest
 from lightfield.errors import RenderError, SceneError
 from lightfield.scene import DetectorArray, Follower, Scene, Tank
 from lightfield.studies.follower import survey as surveys
-from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space, light_of
+from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.bias import bias_study
 from lightfield.studies.follower.elements import Elements, grid, on_sphere, rings
@@ -193,6 +193,26 @@ def test_a_tilted_lamp_is_a_follower_elsewhere() -> None:
         ]
         expected = (tilted[0] - tilted[1]) / np.radians(0.02)
         np.testing.assert_allclose(slopes[:, k], expected, rtol=1e-4, atol=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["absorption", "scattering", "lamp tilt x", "lamp tilt y"])
+def test_what_is_not_known_changes_with_the_pose(name: str) -> None:
+    """Its slopes by the pose are differences of it."""
+    model, pose = ArrayModel(FormulaLight(SCENE), HEMISPHERE), np.array([0.3, -0.2, 5.0, 0.3, -0.2, 0.1])
+    found, step = model.by_both(pose[None], POSE, [name])[0, :, 0], 1e-3
+    for k in range(len(POSE)):
+        around = pose + step * np.eye(len(POSE))[k] * np.array([[1.0], [-1.0]])
+        more, less = model.by_nuisances(around, [name])[..., 0]
+        scale = np.abs(found[:, k]).max()
+        np.testing.assert_allclose(found[:, k], (more - less) / (2 * step), rtol=1e-3, atol=1e-3 * scale)
+
+
+def test_nothing_turns_about_the_axis_of_a_round_beam_tilted_or_not() -> None:
+    tilted = SCENE.with_values({"lamp.tilt_x_deg": 0.5})
+    assert pose_names(SCENE) == pose_names(tilted) == FIVE
+    assert pose_names(SCENE.with_values({"lamp.ellipticity": 1.2})) == POSE
+    known = bound(ArrayModel(FormulaLight(tilted), HEMISPHERE), on_axis(6.5), FIVE, ONE_PERCENT).sigma
+    assert known["y"] == pytest.approx(sigma(HEMISPHERE, 6.5)["y"], rel=0.05)
 
 
 def test_layouts() -> None:

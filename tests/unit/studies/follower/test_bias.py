@@ -57,7 +57,7 @@ def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
                 variance,
                 FIVE,
                 found.believed[None],
-                gain_sigma=prior,
+                nuisances={"gain": prior} if prior else {},
             ).poses[0, :5]
             for _ in range(400)
         ]

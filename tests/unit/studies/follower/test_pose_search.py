@@ -65,7 +65,9 @@ def test_the_best_of_some_starts_is_no_worse_than_scipys(seed: int, beyond: bool
     readings = clean + np.sqrt(variance) * rng.standard_normal(len(clean))
     near = truth + rng.standard_normal(6) * np.array([0.1, 0.1, 0.5, 0.1, 0.1, 0.0])
     starts = np.vstack([np.clip(near, *BOX), starts_in(BOX, FIVE, 2, seed)])
-    found = find_minima(MODEL, readings, variance, FIVE, starts, gain_sigma=prior, box=BOX)
+    found = find_minima(
+        MODEL, readings, variance, FIVE, starts, nuisances={"gain": prior} if prior else {}, box=BOX
+    )
     least = min(scipys(readings, variance, start, prior) for start in starts)
     assert found.chi2.min() <= least + 0.01
     assert ((found.poses >= BOX[0]) & (found.poses <= BOX[1])).all()
