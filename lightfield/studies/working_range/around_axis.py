@@ -7,14 +7,24 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy.interpolate import RectBivariateSpline
 
 from lightfield.arrays import Array
+from lightfield.studies.light_at import LightAt
 
 #: Radii at which light is asked for, in widths of the field.
 RADII = np.array([0.0, 0.35, 0.7, 1.05, 1.5, 2.0])
 #: Steps on which the radius of half intensity is looked for.
 _SCAN = 600
+#: Polynomials that smooth scattered light in distance and squared radius; the least relative error they weigh
+#: by (that of the response's interpolation), so that near light does not outweigh all other.
+_DEGREES, _LEAST_ERROR = (4, 3), 1e-3
+#: Light whose error is more than this part of it is not told by its trace. Chosen.
+_TOLD = 0.5
+#: Beside a beam that ends steeply all is scattered, and no factor on direct light: from this part of that on
+#: the axis on. A Gaussian has six times as much at the last radius. Chosen.
+_BESIDE = 0.01
 #: No light, for logarithms.
 DARK = 1e-300
 
@@ -60,3 +70,34 @@ class SmoothField:
         k = int(below[0])
         u2 = np.interp(np.log(2), log[0] - log[k - 1 : k + 1], there[k - 1 : k + 1])
         return float(np.sqrt(u2) * self.width(at[:1])[0] * z_m)
+
+
+def told_to_m(light: LightAt, z: Array) -> float:
+    """Up to where the photons tell the light on the axis: the first distance with an error that is too large.
+
+    Where none arrives no error is known. Beyond, polynomials through what few say have no end.
+    """
+    total, diffuse = (v.reshape(len(z), -1)[:, 0] for v in (light.total, light.diffuse))
+    error = np.linalg.norm(light.modes.reshape(len(z), len(RADII), -1)[:, 0], axis=1)
+    dark = (diffuse <= 0) & (np.maximum.accumulate(diffuse) > 0)
+    beyond = np.flatnonzero(dark | (error > _TOLD * total))
+    return float(z[max(int(beyond[0]), 1)]) if beyond.size else float(z[-1])
+
+
+def smooth_excess(light: LightAt, z: Array, radius: Array) -> Array:
+    """ln(all light / direct light) without photon noise, shape (n,): a polynomial in z and radius squared.
+
+    Derivatives of the noise would pass for information about the range.
+    """
+    if not light.diffuse.any():
+        return np.zeros(len(z))
+    terms = chebyshev.chebvander2d(
+        2 * (z - z.min()) / np.ptp(z) - 1, 2 * (radius / RADII[-1]) ** 2 - 1, _DEGREES
+    )
+    rows = light.direct.reshape(-1, len(RADII))
+    lit_up = (rows > _BESIDE * rows[:, :1]).ravel()
+    error = np.linalg.norm(light.modes, axis=1) / np.where(lit_up, light.total, 1.0)
+    weight = np.where(lit_up, 1.0 / np.maximum(error, _LEAST_ERROR), 0.0)
+    excess = np.where(lit_up, np.log(np.maximum(light.total, DARK) / np.maximum(light.direct, DARK)), 0.0)
+    coefficients = np.linalg.lstsq(weight[:, None] * terms, weight * excess, rcond=None)[0]
+    return np.asarray(terms @ coefficients)

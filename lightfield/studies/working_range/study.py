@@ -16,7 +16,6 @@ from functools import partial
 
 import numpy as np
 import xarray as xr
-from numpy.polynomial import chebyshev
 from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import Array
@@ -32,7 +31,7 @@ from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.parameters import told
 from lightfield.studies import defaults
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
-from lightfield.studies.working_range.around_axis import DARK, RADII, SmoothField
+from lightfield.studies.working_range.around_axis import DARK, RADII, SmoothField, smooth_excess, told_to_m
 from lightfield.studies.working_range.poses import known_poses, sides_met_m
 from lightfield.studies.working_range.reaches import (
     POSES,
@@ -53,12 +52,6 @@ _DISTANCES, _BEYOND = 13, 2.0
 _FAR = 10.0
 #: Readings so close to the axis, as a part of the distance, are on it.
 _ON_AXIS = 0.005
-#: Polynomials that smooth scattered light in distance and squared radius; the least relative error they weigh
-#: by (that of the response's interpolation), so that near light does not outweigh all other.
-_DEGREES, _LEAST_ERROR = (4, 3), 1e-3
-#: Beside a beam that ends steeply all is scattered, and no factor on direct light: from this part of that on
-#: the axis on. A Gaussian has six times as much at the last radius. Chosen.
-_BESIDE = 0.01
 #: Distances that are answered at.
 _SHOWN = 61
 #: Step of derivatives, m.
@@ -159,10 +152,13 @@ def working_range(
     _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9))
     check_photons(photons)
     first, last = _ends(scene, to_m)
-    nodes = _steps(first, last, _DISTANCES)
-    z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _read(scene, last)]))
+    nodes, asked = _steps(first, last, _DISTANCES), last
     with step(0, 2, "light"):
         field, light = _field(scene, trace, nodes)
+        if (told_to := told_to_m(light, nodes)) < last:
+            last, nodes = told_to, _steps(first, told_to, _DISTANCES)
+            field, light = _field(scene, trace, nodes)
+    z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _read(scene, last)]))
     plain, _ = _field(scene, None, nodes)
     # A spot lies about the beam's own axis.
     spot, spot_light, plain_spot = field, light, plain
@@ -190,7 +186,12 @@ def working_range(
             **pose_sigmas(known, at, z),
         },
         coords={"z_m": ("z_m", z, {"units": "m"})},
-        attrs={"reference_m": first, "noise": noise, "traced": int(trace is not None)},
+        attrs={
+            "reference_m": first,
+            "asked_to_m": asked,
+            "noise": noise,
+            "traced": int(trace is not None),
+        },
     )
     reaches = _reaches(dataset, fine, share, noise, snr)
     return WorkingRange(
@@ -246,26 +247,7 @@ def _field(
     def direct(rho_m: Array, z_m: Array) -> Array:
         return light_at(scene, *aside(rho_m, z_m), z_m, None).direct
 
-    return SmoothField(z, width, _smooth(light, along, radius).reshape(len(z), -1), direct), light
-
-
-def _smooth(light: LightAt, z: Array, radius: Array) -> Array:
-    """ln(all light / direct light) without photon noise, shape (n,): a polynomial in z and radius squared.
-
-    Derivatives of the noise would pass for information about the range.
-    """
-    if not light.diffuse.any():
-        return np.zeros(len(z))
-    terms = chebyshev.chebvander2d(
-        2 * (z - z.min()) / np.ptp(z) - 1, 2 * (radius / RADII[-1]) ** 2 - 1, _DEGREES
-    )
-    rows = light.direct.reshape(-1, len(RADII))
-    lit_up = (rows > _BESIDE * rows[:, :1]).ravel()
-    error = np.linalg.norm(light.modes, axis=1) / np.where(lit_up, light.total, 1.0)
-    weight = np.where(lit_up, 1.0 / np.maximum(error, _LEAST_ERROR), 0.0)
-    excess = np.where(lit_up, np.log(np.maximum(light.total, DARK) / np.maximum(light.direct, DARK)), 0.0)
-    coefficients = np.linalg.lstsq(weight[:, None] * terms, weight * excess, rcond=None)[0]
-    return np.asarray(terms @ coefficients)
+    return SmoothField(z, width, smooth_excess(light, along, radius).reshape(len(z), -1), direct), light
 
 
 def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:

@@ -39,7 +39,9 @@ def headline(found: WorkingRange) -> str:
 def asked_sentences(found: WorkingRange) -> list[str]:
     """How far was asked, and which light is meant where the lamp does not point along the tank."""
     near, far = (float(found.dataset.z_m[k]) for k in (0, -1))
-    asked = f"Asked from {near:g} to {far:.4g} m."
+    asked = f"Asked from {near:g} to {found.dataset.asked_to_m:.4g} m."
+    if far < found.dataset.asked_to_m:
+        asked += f" Beyond {far:.3g} m too few photons arrive to say how much light is scattered."
     if not is_tilted(found.scene.lamp):
         return [asked]
     lamp = found.scene.lamp
