@@ -7,7 +7,8 @@ import numpy as np
 from lightfield.report.follower.page import light_in_words, page, section
 from lightfield.report.follower.pose_figures import bias_figure, plane_figure, sequence_figure
 from lightfield.report.page import page_figure
-from lightfield.studies.follower.bias import CLEAR_PER_M, BiasStudy, told_bias
+from lightfield.studies.follower.bias import BiasStudy, told_bias
+from lightfield.studies.follower.calibration import CLEAR_PER_M
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import is_told
 from lightfield.studies.follower.sequence import Poses

@@ -5,7 +5,7 @@
 
 p0 is what the maximum likelihood estimate tends to, and the spread is the misspecified Cramer-Rao bound
 (Vuong 1986, Caltech working paper 652; Fortunati et al. 2017, IEEE Signal Process. Mag. 34, 142,
-doi:10.1109/MSP.2017.2738017). The formula is calibrated in one of four ways.
+doi:10.1109/MSP.2017.2738017). The formula is calibrated in one of four ways (`calibration`).
 """
 
 from __future__ import annotations
@@ -20,14 +20,11 @@ import xarray as xr
 from lightfield.arrays import Array, jsonable
 from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
-from lightfield.scene import Scene, Water
-from lightfield.scene.bands import middles_nm
-from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.scene import Scene
 from lightfield.studies.defaults import SCATTERING_PER_M
 from lightfield.studies.follower.array_light import (
     STEP,
     ArrayModel,
-    FormulaLight,
     Light,
     Space,
     light_of,
@@ -35,6 +32,7 @@ from lightfield.studies.follower.array_light import (
     refuse_walls,
 )
 from lightfield.studies.follower.array_noise import SensorNoise
+from lightfield.studies.follower.calibration import CALIBRATIONS, believed, without_a_batch
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, poses_on_axis
 from lightfield.studies.follower.information import NOTHING_M, inverse, is_told
@@ -43,70 +41,8 @@ from lightfield.studies.follower.survey import array_of
 from lightfield.studies.light_at import refuse_dark
 from lightfield.studies.one_number import refuse_several
 
-#: Ways to calibrate the formula, in words.
-EXACT, FITTED, CLEAR, RELATIVE = (
-    "exact c, gain set near the lamp",
-    "K fitted in this water",
-    "K and gain from clear water",
-    "relative readings only",
-)
-CALIBRATIONS = (EXACT, FITTED, CLEAR, RELATIVE)
-#: Scattering, 1/m, of the water in which a calibration that is then kept was made (follower at home, chosen).
-CLEAR_PER_M = 0.02
-#: Attenuation by which paths through water are told, 1/m.
-_TRIED_PER_M = 0.1
 #: Places of a map across and along the formation space.
 ACROSS, ALONG = 5, 5
-
-
-def reading_on_axis(light: Light, z_m: float) -> float:
-    """Reading on the beam's axis of a receiver that faces along the tank, 1/m^2."""
-    place = poses_on_axis(light.scene.lamp, np.array([z_m]))[:, :3]
-    return float(light.reading(place, np.array([[0.0, 0.0, -1.0]]))[0])
-
-
-def slope_per_m(light: Light, near_m: float, far_m: float) -> float:
-    """K on the beam's axis between two distances, 1/m: what Beer-Lambert makes of it.
-
-    Light over that of the same beam in water that takes nothing; paths by water that takes `_TRIED_PER_M`.
-    """
-
-    def falls(one: Light) -> float:
-        near, far = (reading_on_axis(one, z) / reading_on_axis(clear, z) for z in (near_m, far_m))
-        return float(np.log(near / far))
-
-    clear, tried = (_formula(light.scene, a) for a in (0.0, _TRIED_PER_M))
-    return _TRIED_PER_M * falls(light) / falls(tried)
-
-
-def _formula(scene: Scene, absorption_per_m: float) -> FormulaLight:
-    """The formula in water of this attenuation."""
-    return FormulaLight(scene.model_copy(update={"water": Water(absorption_per_m=absorption_per_m)}))
-
-
-def believed(truth: Light, elements: Elements, calibration: str, space: Space) -> tuple[ArrayModel, float]:
-    """The formula as a follower has it, and the standard deviation of its gain.
-
-    Parameters
-    ----------
-    truth : Light
-    elements : Elements
-    calibration : str
-        Of `CALIBRATIONS`.
-    space : Space
-        Its first and last distance are those of the calibration.
-    """
-    made_in = truth
-    if calibration == CLEAR:
-        made_in = truth.in_water_of(truth.scene.with_values({"water.scattering_per_m": CLEAR_PER_M}))
-    if calibration == EXACT:
-        at = middles_nm(truth.scene)[0].mean(keepdims=True)
-        slope = float(sum(f(truth.scene.water, at)[0] for f in (absorption_per_m, scattering_per_m)))
-    else:
-        slope = slope_per_m(made_in, space.near_m, space.far_m)
-    formula = _formula(truth.scene, max(slope, 0.0))
-    gain = reading_on_axis(made_in, space.near_m) / reading_on_axis(formula, space.near_m)
-    return ArrayModel(formula, elements, gain), np.inf if calibration == RELATIVE else 0.0
 
 
 @dataclass(frozen=True)
@@ -120,7 +56,7 @@ class Belief:
         Spread of the estimates by noise about `believed`, of the coordinates that are sought;
         infinite on its diagonal, and zero beside it, where the readings tell nothing.
     trace_sigma : array, shape (n,), m and rad
-        Standard error of the bias that the trace's readings have; not that of a K fitted to them.
+        Standard error of the bias by the trace's photons, in the readings and in what was fitted to them.
     misfit : float
         Sum of the squared residuals that noise did not make, over the degrees of freedom.
     """
@@ -144,6 +80,7 @@ def belief(
     names: Sequence[str],
     noise: SensorNoise,
     gain_sigma: float = 0.0,
+    parts: Sequence[tuple[ArrayModel, ArrayModel]] = (),
 ) -> Belief:
     """Bias and spread of the pose from the wrong model, at one pose.
 
@@ -156,6 +93,8 @@ def belief(
         Coordinates that are sought; the rest is known.
     gain_sigma : float
         Of the formula's gain beforehand; infinite: only relative readings count.
+    parts : sequence of (ArrayModel, ArrayModel)
+        The same two without one of the batches of the trace, for each in turn, see `without_a_batch`.
     """
     readings = truth.readings(pose[None])[0]
     variance = noise.variance(readings)
@@ -163,9 +102,17 @@ def belief(
     found = find_minima(formula, readings, variance, names, pose[None], nuisances=unknown)
     best, gain = found.poses[0], float(found.gains[0])
     covariance, lever = _spread(formula, readings, 1 / variance, best, gain, names, gain_sigma)
-    # What the trace does not know of the readings moves the belief as noise of the readings would.
-    moved = lever @ (truth.batches(pose) - readings).T
-    trace = moved.std(axis=1) / np.sqrt(max(moved.shape[1] - 1, 1))
+    trace = np.zeros(len(names))
+    if parts:
+        # What photons do to the readings, and to what is believed of them, moves the belief as noise would;
+        # of a jackknife, without one batch in turn (Efron 1982, section 2).
+        expected = formula.readings(best[None])[0]
+        moved = [
+            lever
+            @ (true.readings(pose[None])[0] - readings - gain * (other.readings(best[None])[0] - expected))
+            for true, other in parts
+        ]
+        trace = np.sqrt(len(parts) - 1) * np.std(moved, axis=0)
     free = len(readings) - len(names) - (gain_sigma > 0)
     return Belief(pose, best, covariance, trace, float(found.chi2[0]) / max(free, 1))
 
@@ -263,11 +210,8 @@ class BiasStudy:
                     for v, s in zip(one.bias_z.values, one.sigma_z.values, strict=True)
                 ]
                 lines.append(f"  {name:<33} " + " / ".join(f"{cell:>13}" for cell in cells))
-        known = self.axis.sel(calibration=CALIBRATIONS[0])
-        doubt = 1e3 * float(known.trace_z.where(known.sigma_z < NOTHING_M).fillna(0.0).max())
-        lines.append(
-            f"errors of the trace: up to {doubt:.0f} mm with exact c; those of a fitted K are not counted"
-        )
+        doubt = 1e3 * float(self.axis.trace_z.where(self.axis.sigma_z < NOTHING_M).fillna(0.0).max())
+        lines.append(f"errors of the trace: up to {doubt:.0f} mm")
         for name in self.plane.calibration.values:
             told = told_bias(self.plane.sel(calibration=name), "x")
             worst = f"wrong by up to {1e3 * float(np.abs(told).max()):.0f} mm"
@@ -373,7 +317,8 @@ def _beliefs(
     rows = []
     for calibration in CALIBRATIONS:
         formula, prior = believed(light, elements, calibration, space)
-        found = [belief(truth, formula, pose, names, noise, prior) for pose in poses]
+        parts = without_a_batch(light, elements, calibration, space)
+        found = [belief(truth, formula, pose, names, noise, prior, parts) for pose in poses]
         at = [POSE.index(n) for n in names]
         rows.append([[*b.bias[at], *np.sqrt(np.diag(b.covariance)), *b.trace_sigma, b.misfit] for b in found])
     return np.array(rows)

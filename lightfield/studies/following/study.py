@@ -16,7 +16,7 @@ from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.follower import Mission
 from lightfield.studies.defaults import RUNS
-from lightfield.studies.follower.bias import CLEAR_PER_M
+from lightfield.studies.follower.calibration import CLEAR_PER_M
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of

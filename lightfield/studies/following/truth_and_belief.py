@@ -12,7 +12,7 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Light, Space, light_of
 from lightfield.studies.follower.array_noise import PERCENT
-from lightfield.studies.follower.bias import CLEAR, FITTED, RELATIVE, believed
+from lightfield.studies.follower.calibration import CLEAR, FITTED, RELATIVE, believed
 from lightfield.studies.follower.elements import Elements
 
 #: Room about the way, m: across, towards the lamp and away from it (chosen; a follower that believes a wrong

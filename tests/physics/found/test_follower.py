@@ -14,7 +14,15 @@ from lightfield.render.flux.traced_field import Region, TracedField, traced_fiel
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Space
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.bias import CLEAR, EXACT, FITTED, RELATIVE, belief, believed
+from lightfield.studies.follower.bias import belief
+from lightfield.studies.follower.calibration import (
+    CLEAR,
+    EXACT,
+    FITTED,
+    RELATIVE,
+    believed,
+    without_a_batch,
+)  # fmt: skip
 from lightfield.studies.follower.design.compared import ArraySetting, judged_array, task_poses
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
@@ -75,42 +83,37 @@ def test_bias_along_the_beam(field, calibration, elements, b, expected) -> None:
     light = water(field, b)
     truth = ArrayModel(light, elements)
     formula, prior = believed(light, elements, calibration, SPACE)
+    parts = without_a_batch(light, elements, calibration, SPACE)
     for z, value in zip(Z, expected, strict=True):
         pose = np.array([0, 0, z, 0, 0, 0.0])
-        found = belief(truth, formula, pose, "xyz", NOISE, prior)
+        found = belief(truth, formula, pose, "xyz", NOISE, prior, parts)
         # What an error of all readings by THEIRS does to the distance, and to a gain set at 4.5 m and a K
         # from both
         # ends; of relative readings, independent errors of the elements.
         all_alike = 2 * THEIRS / (2 / z + 0.05 + 0.5 * b)
         theirs = THEIRS / 0.01 * np.sqrt(found.covariance[2, 2]) if calibration == RELATIVE else all_alike
-        mine = np.hypot(found.trace_sigma[2], _calibration_error(light, z, b, calibration))
+        mine = found.trace_sigma[2]
         assert abs(found.bias[2] - 1e-3 * value) < SIGMAS * np.hypot(mine, theirs) + 0.5e-3, (
             z,
             found.bias[2],
         )
 
 
-def _calibration_error(light: TracedField, z: float, b: float, calibration: str) -> float:
-    """Error of the distance by those of the readings on the axis that gain and K are set with."""
-    if calibration == RELATIVE:
-        return 0.0
-    read, error = light.irradiance(np.array([[0, 0, 4.5], [0, 0, 8.5]]), np.tile([0, 0, -1.0], (2, 1)))
-    return float(np.hypot(*(error / read)) / (2 / z + 0.05 + 0.5 * b))
-
-
 def test_bias_sideways_and_of_yaw(field) -> None:
     """At (0.3, 0.1) m, b = 0.15, mm and degrees: always towards the axis, and turned."""
     light = water(field, 0.15)
     formula, _ = believed(light, FLAT, FITTED, SPACE)
+    parts = without_a_batch(light, FLAT, FITTED, SPACE)
     turned = {FITTED: (1.0, 0.9, 0.9), EXACT: (1.4, 1.7, 1.6)}
     for k, (z, x) in enumerate(zip(Z, (-25, -41, -53), strict=True)):
         pose = np.array([0.3, 0.1, z, 0, 0, 0.0])
-        found = belief(ArrayModel(light, FLAT), formula, pose, "xyz", NOISE)
+        found = belief(ArrayModel(light, FLAT), formula, pose, "xyz", NOISE, parts=parts)
         theirs = THEIRS / 0.01 * np.sqrt(found.covariance[0, 0])
         assert abs(found.bias[0] - 1e-3 * x) < SIGMAS * np.hypot(found.trace_sigma[0], theirs) + 0.5e-3
         for calibration, yaw in turned.items():
             other, _ = believed(light, HEMISPHERE, calibration, SPACE)
-            found = belief(ArrayModel(light, HEMISPHERE), other, pose, POSE[:5], NOISE)
+            of_it = without_a_batch(light, HEMISPHERE, calibration, SPACE)
+            found = belief(ArrayModel(light, HEMISPHERE), other, pose, POSE[:5], NOISE, parts=of_it)
             theirs = THEIRS / 0.01 * np.sqrt(found.covariance[3, 3])
             near = SIGMAS * np.hypot(found.trace_sigma[3], theirs) + np.radians(0.05)
             assert abs(found.bias[3] - np.radians(yaw[k])) < near

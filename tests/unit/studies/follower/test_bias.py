@@ -12,15 +12,14 @@ from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.bias import (
+from lightfield.studies.follower.bias import belief, bias_study
+from lightfield.studies.follower.calibration import (
     CALIBRATIONS,
     CLEAR,
     EXACT,
     FITTED,
     RELATIVE,
-    belief,
     believed,
-    bias_study,
     slope_per_m,
 )
 from lightfield.studies.follower.elements import grid, on_sphere

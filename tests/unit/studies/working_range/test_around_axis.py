@@ -1,13 +1,17 @@
-"""The spot in a tank that is narrower than the beam is wide at its end, against a closed form."""
+"""The spot in a tank that is narrower than the beam is wide at its end, against a closed form; far light."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
 from lightfield.studies.working_range.study import working_range
+from lightfield.studies.working_range.text import as_text
 
 HALF = np.radians(9.0)
 C = 0.23
@@ -37,3 +41,19 @@ def test_the_spot_is_told_as_far_as_the_tank_has_room_for_it(offset_m: float) ->
     assert float(told.z_m[-1]) > 5.5 and len(told) > 0.8 * len(spot)
     for z in (1.0, 2.0, 3.5, 5.0):
         assert float(spot.sel(z_m=z)) == pytest.approx(expected(z), rel=1e-3)
+
+
+def test_far_light_that_no_photon_tells_is_not_told() -> None:
+    """Coastal water of 2.5 per m, asked about as far as a clear tank: the curve rose to 1e69 at 6.5 m.
+
+    An independent Monte Carlo says 4.06 m.
+    """
+    phase = {"type": "henyey-greenstein", "g": 0.92}
+    water = {"absorption_per_m": 0.435, "scattering_per_m": 2.04, "phase": phase}
+    parts = {"lamp": {"hwhm_deg": 3.81}, "water": water, "detector": {"planes_m": [3.0, 5.0, 7.0]}}
+    murky = Scene.from_dict(parts)
+    found = working_range(murky, partial(response_for, photons=150_000), photons=2e5)
+    assert 3.3 < float(found.dataset.z_m[-1]) < found.dataset.asked_to_m == 14.0
+    assert float(found.dataset.light.max()) < 1.5 and "too few photons arrive" in as_text(found)
+    light = found.reaches[0]
+    assert 0.05 < light.stderr_m < 1.0 and light.z_m == pytest.approx(4.06, abs=3 * light.stderr_m)

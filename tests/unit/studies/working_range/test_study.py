@@ -284,19 +284,6 @@ def test_scattered_light_lengthens_the_range_and_widens_the_spot() -> None:
     assert float(row.half_radius_m) == pytest.approx(0.583, abs=3 * float(row.half_radius_stderr_m))
 
 
-def test_far_light_that_no_photon_tells_is_not_told() -> None:
-    """Coastal water of 2.5 per m, asked about as far as a clear tank: the curve rose to 1e69 at 6.5 m.
-
-    An independent Monte Carlo says 4.06 m.
-    """
-    murky = scene(0.435, 2.04, detector={"planes_m": [3.0, 5.0, 7.0]})
-    found = working_range(murky, partial(response_for, photons=150_000), photons=2e5)
-    assert 3.3 < float(found.dataset.z_m[-1]) < found.dataset.asked_to_m == 14.0
-    assert float(found.dataset.light.max()) < 1.5 and "too few photons arrive" in as_text(found)
-    light = found.reaches[0]
-    assert 0.05 < light.stderr_m < 1.0 and light.z_m == pytest.approx(4.06, abs=3 * light.stderr_m)
-
-
 def test_readings_stand_beside_it_with_the_error_of_the_reference(formula) -> None:
     readings = Readings.from_arrays(
         z_m=[4.5, 8.5, 8.5], x_m=[0, 0, 0.3], value=[2.0, 0.46, 0.2], stderr=[0.02, 0.01, 0.01]
