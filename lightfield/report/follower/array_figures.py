@@ -1,4 +1,4 @@
-"""Figures of an array: its elements as the lamp sees them, and what they tell of the pose."""
+"""Figures of an array: its elements, and what they tell of the pose."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
 def draw_array(
     axis: Axes, elements: Elements, readings: np.ndarray | None = None, narrow: bool = False
 ) -> None:
-    """Elements as the lamp sees them; arrows: where they face."""
+    """Elements seen from behind, towards the lamp; arrows: where they face."""
     x, y, _ = elements.place_m.T
     light = None if readings is None else 100 * readings / max(float(readings.max()), TINY)
     colours = {"color": SERIES[0]} if light is None else {"c": light, "cmap": "magma", "vmin": 0, "vmax": 100}
@@ -106,7 +106,7 @@ def draw_array(
     )
     axis.set_xlim(-edge, edge)
     axis.set_ylim(-edge, edge)
-    label(axis, "x (m)", "y (m)", f"{len(elements)} elements, as the lamp sees them")
+    label(axis, "x (m)", "y (m)", f"{len(elements)} elements, seen from behind them")
 
 
 def map_figure(survey: Survey, narrow: bool = False) -> Figure:

@@ -112,7 +112,8 @@ def poses_page(poses: Poses) -> str:
             continue
         values = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), in_degrees(one.pose), strict=True))
         cells = [
-            f"{values[n]:.3f} ± {s if n in 'xyz' else np.degrees(s):.3f}" for n, s in one.total.sigma.items()
+            f"{values[n]:.3f} ± {s if n in 'xyz' else np.degrees(s):.3f}" if is_told(n, s) else "unknown"
+            for n, s in one.total.sigma.items()
         ]
         state = one.status
         state += ", ambiguous" * one.ambiguous

@@ -173,10 +173,12 @@ def scene_sentences(found: Attenuation) -> list[str]:
     where = ""
     if np.ptp(expected) > one.K_stderr.min():  # else it is alike at all of them
         where = f"; attenuation would be least at {nm[stated]:g} nm, and is at {nm[least]:g} nm"
+    would = round(float(expected[k]), 4) + 0.0  # nothing has no sign
+    shown = f"{one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}"
     return [
-        f"The scene states another water than the readings show: at {nm[k]:g} nm its K would be "
-        f"{expected[k]:.4f} per m, not {one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}{where}. `band`, `range` "
-        "and `link` believe the scene: write into it what was found here before asking them."
+        f"The scene states another water than the readings show: at {nm[k]:g} nm its K would be {would:.4f} "
+        f"per m, not {shown}{where}. `band`, `range` and `link` believe the scene: write into it what was "
+        "found here before asking them."
     ]
 
 

@@ -21,7 +21,7 @@ from lightfield.studies.follower.array_light import ArrayModel, Light, Space, po
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import AXES, POSE, UNKNOWN_VARIANCE, in_degrees, in_frame, pose_of
-from lightfield.studies.follower.information import Bound, bound_pair, nuisances_of
+from lightfield.studies.follower.information import Bound, bound_pair, is_told, nuisances_of
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
 from lightfield.studies.follower.rival_poses import RivalPose, distinct, nearest_alike, others
 from lightfield.studies.follower.survey import array_of
@@ -119,10 +119,18 @@ class PoseEstimate:
         values, sigma = in_degrees(self.pose), self.total.sigma
         words = []
         for name, value in zip(POSE, values, strict=True):
-            if name in sigma:
+            if name in sigma and not is_told(name, sigma[name]):
+                words.append(f"{name} unknown")
+            elif name in sigma:
                 unit, s = ("m", sigma[name]) if name in POSE[:3] else ("deg", np.degrees(sigma[name]))
                 words.append(f"{name} {value:.3f} +- {s:.3f} {unit}")
-        line = ", ".join(words) + f"; chi2 {self.chi2:.0f}, probability {self.probability:.2g}"
+        tested = len(self.total.readings) > len(sigma)
+        fit = (
+            f"chi2 {self.chi2:.0f}, probability {self.probability:.2g}"
+            if tested
+            else "as many unknowns as readings"
+        )
+        line = f"{', '.join(words)}; {fit}"
         if not self.fits:
             line += f": {self.status}"
         if not self.rivals:

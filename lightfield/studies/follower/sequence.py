@@ -13,10 +13,11 @@ from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
-from lightfield.studies.follower.array_light import Space, light_of
+from lightfield.studies.follower.array_light import MARGIN_M, Space, light_of
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.frames import POSE, UNKNOWN_VARIANCE, in_degrees
 from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimator, PoseEstimate
+from lightfield.studies.follower.pose_search import MOST_TURNED
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.follower.table import read_samples
 from lightfield.studies.follower.tracking import Tracked, Tracker
@@ -31,11 +32,19 @@ _FAR_BRIGHTER = 10.0
 SHOWN = 12
 
 
+#: What to do about poses at the edge of where they are looked for.
+_ROOM = (
+    f" (looked {MARGIN_M:g} m beyond detector.planes_m and the half width, and up to "
+    f"{np.degrees(MOST_TURNED):.0f} degrees of yaw and pitch: the follower may be farther)"
+)
+
+
 class Lost(str, Enum):
     """What a stretch of readings lacks; its words are its name for programs."""
 
     LIGHT = "light lost"
     BELIEF = "another light"
+    SPACE = "at the edge of the space looked in"
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,8 @@ class Loss:
             grown = "; meanwhile the filter's error along the beam goes from {:.3f} to {:.3f} m".format(
                 *self.sigma_m
             )
-        return f"{self.why.value} from {self.from_s:.2f} to {self.to_s:.2f} s{grown}; {found}"
+        room = _ROOM if self.why is Lost.SPACE else ""
+        return f"{self.why.value} from {self.from_s:.2f} to {self.to_s:.2f} s{grown}; {found}{room}"
 
 
 @dataclass(frozen=True)
@@ -121,11 +131,13 @@ class Poses:
 
     @property
     def losses(self) -> list[Loss]:
-        """Every darkness, and every three or more readings in a row that do not fit."""
+        """Every darkness, and every three or more readings in a row that do not fit, or lie at the edge."""
         dark = [one.lost for one in self.estimates]
-        strange = [not one.lost and one.probability < DOUBTFUL for one in self.estimates]
+        edge = [not one.lost and one.edge for one in self.estimates]
+        strange = [not one.lost and not one.edge and one.probability < DOUBTFUL for one in self.estimates]
         found = []
-        for flags, least, why in ((dark, 1, Lost.LIGHT), (strange, IN_A_ROW, Lost.BELIEF)):
+        kinds = ((dark, 1, Lost.LIGHT), (strange, IN_A_ROW, Lost.BELIEF), (edge, IN_A_ROW, Lost.SPACE))
+        for flags, least, why in kinds:
             edges = np.flatnonzero(np.diff([False, *flags, False]))
             for first, after in zip(edges[::2], edges[1::2], strict=True):
                 if after - first >= least:

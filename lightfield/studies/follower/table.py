@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from lightfield.storage.inputs import READINGS
 from lightfield.storage.tables import LARGEST, header_and_rows
 
 TIME = "time_s"
+#: Names of columns that look like an element's, or like times: taken for neither they would be lost unseen.
+_LIKE_ONE = re.compile(r"e\d+|t|time.*", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,14 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
             rule=f"one column per element, e1 to e{elements}, and {TIME} if it is known",
             remedy="name the columns in the first line, in the order of the array's elements: column by "
             "column in a grid, from the least x and y; ring by ring outwards; line by line of a table",
+        )
+    if unknown := [name for name in header if name not in {TIME, *wanted} and _LIKE_ONE.fullmatch(name)]:
+        raise MeasurementError(
+            f"column {unknown[0]} is not one of this array's, or of times",
+            where=where,
+            found=",".join(unknown)[:80],
+            rule=f"one column per element, e1 to e{elements}, and {TIME} (seconds) if it is known",
+            remedy=f"a scene whose array has these; call times in seconds {TIME}; leave out the rest",
         )
     timed = TIME in header
     columns = [header.index(name) for name in ([TIME] if timed else []) + wanted]

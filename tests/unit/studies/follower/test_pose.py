@@ -256,6 +256,23 @@ def written(path: Path, readings: np.ndarray, times: np.ndarray | None = None) -
     return path
 
 
+def test_poses_at_the_edge_of_the_space_are_no_other_light(tmp_path: Path) -> None:
+    """At 12 m, looked for up to 8.8: the light is the one that is believed in."""
+    rng, far = np.random.default_rng(8), np.array([0.1, 0.0, 12.0, 0.0, 0.0, 0.0])
+    readings = np.array([noisy(far, rng) for _ in range(4)])
+    found = poses_of(written(tmp_path / "far.csv", readings), SCENE, SPACE, photons=0)
+    (lost,) = found.losses
+    assert lost.why is Lost.SPACE and found.as_data()["losses"][0]["why"] == Lost.SPACE.value
+    assert "up to 34 degrees" in str(lost) and "another light" not in found.as_text()
+
+
+def test_what_an_array_cannot_know_is_unknown_in_words() -> None:
+    """Three elements for five unknowns: no error, and no probability."""
+    three = estimator(Elements(HEMISPHERE.place_m[[0, 12, 20]], HEMISPHERE.normal[[0, 12, 20]]))
+    text = three.estimate(three.model.readings(POSE_0[None])[0]).as_text()
+    assert "yaw unknown" in text and "inf" not in text and "as many unknowns as readings" in text
+
+
 def test_a_table_of_readings(tmp_path: Path) -> None:
     rng, times = np.random.default_rng(6), np.array([0.0, 0.1, 0.2])
     readings = np.array([noisy(way(t), rng) for t in times])
@@ -291,6 +308,8 @@ def test_a_table_with_decimal_commas(tmp_path: Path, separator: str) -> None:
         ("e1,e2\n1,nan\n", "line 2"),
         ("e1,e2\n1\n", "line 2"),
         ("time_s,e1,e2\n1,1,1\n1,1,1\n", "must rise"),
+        ("time_ms,e1,e2\n1,1,1\n", "column time_ms is not"),
+        ("e1,e2,e3\n1,1,1\n", "column e3 is not one of this array's.*e1 to e2"),
     ],
 )
 def test_tables_that_are_none(tmp_path: Path, text: str, says: str) -> None:
