@@ -12,13 +12,16 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array
-from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_p
+from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, JointEstimate, misfit_p
 from lightfield.studies.attenuation.ratios import Ratios
 
 #: What the paper states attenuation over.
 METRE = 1.0
 #: From so many errors below zero on a coefficient is no chance.
 SIGMAS = 3.0
+#: A ratio makes most of a misfit if so much of chi-square, at most, is left without it; so many are tried.
+#: Chosen.
+_LEFT, _TRIED = 0.5, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,30 @@ class Apparent:
         """Part of the light lost over a distance and its standard error, shape (n_colours,), %."""
         left = np.exp(-self.K_per_m * distance_m)
         return 100 * (1 - left), 100 * left * distance_m * self.K_stderr
+
+    @property
+    def stray(self) -> str:
+        """The ratio that makes most of the misfit, in words; nothing where none does.
+
+        Tried without each of those that are farthest off: a wild one at an end bends the line towards itself.
+        """
+        if not self.misfit_p <= POOR_FIT:
+            return ""
+        off = np.nan_to_num(np.abs(self.estimate.residual / self.ratios.stderr))
+        least, worst = _LEFT * self.estimate.chi2, None
+        for at in np.argsort(off, axis=None)[: -_TRIED - 1 : -1]:
+            stderr = self.ratios.stderr.copy()
+            stderr.flat[at] = np.nan
+            fit = _fitted(self.ratios, stderr)
+            if fit.chi2 < least:
+                least, worst = fit.chi2, (np.unravel_index(at, off.shape), fit.theta)
+        if worst is None:
+            return ""
+        (row, colour), theta = worst
+        nm, path_m = self.ratios.wavelength_nm[colour], self.ratios.path_m[row]
+        over = float(np.expm1(self.ratios.y[row, colour] - theta[colour] @ [1.0, -path_m]))
+        side = f"{100 * abs(over):.2g} % {'above' if over > 0 else 'below'} the line of the rest"
+        return f"through {path_m:.3g} m of water at {nm:g} nm, {side}"
 
     @property
     def misfit_p(self) -> float:
@@ -127,6 +154,10 @@ def apparent_attenuation(ratios: Ratios) -> Apparent:
     ratios : Ratios
         From `lightfield.studies.attenuation.ratios.ratios_of`.
     """
+    return Apparent(ratios, _fitted(ratios, ratios.stderr).widened())
+
+
+def _fitted(ratios: Ratios, stderr: Array) -> JointEstimate:
     ones = np.ones_like(ratios.y)
     X = np.stack([ones, -ratios.path_m[:, None] * ones], axis=2)
-    return Apparent(ratios, Design(ratios.stderr, X, *ratios.shared).estimate(ratios.y).widened())
+    return Design(stderr, X, *ratios.shared).estimate(ratios.y)

@@ -120,7 +120,7 @@ def fit_sentence(one: Apparent) -> str:
     return (
         f"{text}do not fit. The errors are stated too small, or more than attenuation is at work{bent}: "
         f"diagnose it. All errors of K are multiplied by {e.errors_times:.2g}, the root of chi-square over "
-        "degrees of freedom."
+        f"degrees of freedom.{f' Most of it is one ratio of readings: {one.stray}.' * bool(one.stray)}"
     )
 
 

@@ -191,14 +191,16 @@ class Estimator:
     def fit(self, readings: Array, starts: Array) -> Minima:
         """Minima from the starts, best first; see `find_minima`.
 
-        The water and the lamp's direction are sought from where the pose is best with these as believed.
+        The water and the lamp's direction are sought from where the pose is best with these as believed, and
+        from the first starts: in another water two minima of the believed one may be one.
         """
         box, variance = box_of(self.space), self.noise.variance(readings)
         gain = {name: sigma for name, sigma in self.nuisances.items() if name == "gain"}
         search = partial(find_minima, self.model, readings, variance, self.names, box=box)
         found = search(starts, nuisances=gain).best_first()
         if gain != self.nuisances:
-            found = search(distinct(found.poses), nuisances=self.nuisances).best_first()
+            begin = np.concatenate([distinct(found.poses), starts[:FIRST_STARTS]])
+            found = search(begin, nuisances=self.nuisances).best_first()
         return found
 
     def estimate(
