@@ -93,11 +93,18 @@ def arrival_figure(found: Link, narrow: bool = False) -> Figure:
                 spread = SIGMAS * data.bandwidth_stderr_hz.values[k] / 1e6
                 banded(right, z[known], width[known], spread[known], least=1e-2, color=shade, label=name)
         left.set_yscale("log")
-        top = float(data.power_w.max())
-        left.set_ylim(1e-14 * top if top > 0 else None, 2 * top if top > 0 else None)
+        top, least = (
+            float(data.power_w.max()),
+            min(float(v.min()) for v in (data.power_w, data.power_formula_w)),
+        )
+        left.set_ylim(max(1e-14 * top, 0.5 * least) if top > 0 else None, 2 * top if top > 0 else None)
         label(left, "z (m)", "W", "Received power")
-        right.set_yscale("log")
         label(right, "z (m)", "MHz", "Bandwidth by the traced paths")
+        if np.isfinite(data.bandwidth_hz).any():
+            right.set_yscale("log")
+        else:
+            right.text(0.5, 0.5, "no limit at these distances", ha="center", transform=right.transAxes)
+            right.set(xticks=[], yticks=[])
         legend_below(fig, left, title="lines; dashed: exp(−cz)")
     return fig
 
