@@ -188,18 +188,18 @@ class Estimator:
         poses[:, 5] = np.linspace(-0.5 * np.pi, 0.5 * np.pi, FIRST_STARTS) if sought else self.roll_rad
         return poses
 
-    def fit(self, readings: Array, starts: Array) -> Minima:
+    def fit(self, readings: Array, starts: Array, again: int = 0) -> Minima:
         """Minima from the starts, best first; see `find_minima`.
 
         The water and the lamp's direction are sought from where the pose is best with these as believed, and
-        from the first starts: in another water two minima of the believed one may be one.
+        from the first starts `again`: two minima of another water may be one of that believed in.
         """
         box, variance = box_of(self.space), self.noise.variance(readings)
         gain = {name: sigma for name, sigma in self.nuisances.items() if name == "gain"}
         search = partial(find_minima, self.model, readings, variance, self.names, box=box)
         found = search(starts, nuisances=gain).best_first()
         if gain != self.nuisances:
-            begin = np.concatenate([distinct(found.poses), starts[:FIRST_STARTS]])
+            begin = np.concatenate([distinct(found.poses), starts[:again]])
             found = search(begin, nuisances=self.nuisances).best_first()
         return found
 
@@ -228,7 +228,9 @@ class Estimator:
         if last is not None:
             last = np.where(np.isin(POSE, self.names), last, begin[0][0])
             begin.append(last[None])
-        found = self.fit(readings, np.concatenate(begin))
+        # On the way, ten times a second, what the last pose leads to is enough.
+        again = FIRST_STARTS if last is None or more_starts else 0
+        found = self.fit(readings, np.concatenate(begin), again)
         best, k = float(found.chi2[0]), nearest_alike(found, last, ALIKE_SIGMA)
         pose, chi2 = found.poses[k], float(found.chi2[k])
         alone, total = bound_pair(self.model, pose, self.names, self.noise, self.nuisances)
