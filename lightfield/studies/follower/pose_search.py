@@ -20,7 +20,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.studies.follower.array_light import DARK, MARGIN_M, ArrayModel, Space
-from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.frames import POSE, wrapped
 
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
 DAMPING, EASED, STIFFENED = 1e-3, 0.2, 8.0
@@ -153,6 +153,7 @@ def find_minima(
         )
         tried = poses[going].copy()
         tried[:, at] += step[:, : len(at)]
+        tried[:, POSE.index("roll")] = wrapped(tried[:, POSE.index("roll")])
         tried_unknown = unknown[going] + np.clip(step[:, len(at) :], -LONGEST_STEP, LONGEST_STEP)
         if box is not None:
             tried = np.clip(tried, *box)

@@ -167,7 +167,7 @@ def working_range(
         (spot, spot_light), (plain_spot, _) = (_field(scene, t, nodes, about) for t in (trace, None))
     fine = _steps(first, last, SCAN)
     axis = [f.at(np.zeros(len(z)), z) for f in (field, plain)]
-    at = _steps(first, last, POSES)
+    at = _steps(first, last, POSES if trace is not None else _SHOWN)  # the formula is asked at once
     with step(1, 2, "poses"):
         known = known_poses(scene, at, photons=0.0 if trace is None else photons)
     modes = light.relative_modes[:: len(RADII)]
