@@ -14,6 +14,7 @@ from lightfield.render.response.grid import scene_grid
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
 from lightfield.report.light_figures import planes_figure
 from lightfield.studies.compare.maps import as_text, compare
+from lightfield.studies.compare.rings import excess
 from lightfield.sweep.derived import derive
 
 NEAR_THE_TOP = {"width_m": 1.0, "depth_m": 1.0, "lamp_depth_m": 0.15, "length_m": 5.0}
@@ -60,7 +61,7 @@ def test_old_maps_wider_than_the_tank_say_what_clipped_ones_say(maps):
 def test_error_near_the_surface_is_not_smeared_over_it(maps):
     """Smoothing takes the mean over cells in the water: no dark rim, no contour along the surface."""
     for plane in compare(maps(True)).planes:
-        raw, smooth = plane.excess(), plane.smooth_excess()
+        raw, smooth = excess(plane.render, plane.stderr, plane.formula), plane.smooth_excess()
         assert np.isnan(smooth[np.isnan(plane.render)]).all()
         near = np.abs(plane.x_m) < 0.1
         top = np.flatnonzero(np.isfinite(plane.render).any(axis=1))[-1]

@@ -84,13 +84,13 @@ def test_an_unknown_gain_is_in_the_error_and_not_in_the_scatter() -> None:
 
 @pytest.mark.parametrize(
     ("x_m", "per_m", "known"),
-    [(0.0, 0.1, 0.2), (0.3, 0.3, 0.2), (0.0, 0.1, 0.5)],
+    [(0.3, 0.3, 0.2), (0.0, 0.1, 0.5)],
 )  # fmt: skip
 def test_water_that_is_not_known_is_sought_with_the_pose(x_m: float, per_m: float, known: float) -> None:
     """60 readings, each in water of its own, by the formula of another scene: errors are those that are told,
     and chi2 knows that the water is another.
 
-    Held at the believed water z was off by 1.4, 2.7 and 2.9 of the errors, and a fifth "did not fit".
+    Held at the believed water z was off by 2.3 of the errors in the first (root of the mean square).
     """
     rng = np.random.default_rng(5)
     believed = Scene.from_dict({"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": per_m}})
