@@ -46,8 +46,6 @@ class Light(Protocol):
 
     def irradiance(self, place_m: Array, normal: Array) -> tuple[Array, Array]: ...
 
-    def batches(self, place_m: Array, normal: Array) -> Array: ...
-
     def leave_one_out(self) -> Sequence[Light]: ...
 
     def in_water_of(self, scene: Scene) -> Light: ...
@@ -71,10 +69,6 @@ class FormulaLight:
         """`reading`, and errors of zero."""
         found = self.reading(place_m, normal)
         return found, np.zeros_like(found)
-
-    def batches(self, place_m: Array, normal: Array) -> Array:
-        """`reading`, once: nothing is traced."""
-        return self.reading(place_m, normal)[None]
 
     def leave_one_out(self) -> list[FormulaLight]:
         """None: nothing is traced."""
@@ -203,11 +197,6 @@ class ArrayModel:
         place, normal = placed(self.elements, pose[None])
         read, error = self.light.irradiance(place[0], normal[0])
         return self.gain * read, self.gain * error
-
-    def batches(self, pose: Array) -> Array:
-        """Readings at one pose of independent parts of the trace, shape (n_batches, n_elements)."""
-        place, normal = placed(self.elements, pose[None])
-        return self.gain * self.light.batches(place[0], normal[0])
 
     def leave_one_out(self) -> list[ArrayModel]:
         """The same in the light of the trace without one of its batches, for each in turn."""

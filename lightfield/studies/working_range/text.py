@@ -129,7 +129,7 @@ def rows(found: WorkingRange) -> list[list[str]]:
 
 def distance(reach: Reach) -> str:
     """A distance with its error."""
-    if not reach.is_told:
+    if not reach.is_told or reach.stderr_m > reach.z_m:
         return UNTOLD
     far = f"{reach.z_m:.2f}{_pm(reach.stderr_m)} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
     sure = f" (for sure to {reach.sure_m:.2f} m)" if np.isfinite(reach.sure_m) else ""
@@ -152,8 +152,8 @@ def _from(near_m: float, stderr_m: float = 0.0) -> str:
 
 
 def distance_or_none(value: float) -> str:
-    """A distance that may lie beyond what was asked."""
-    return "nowhere" if np.isnan(value) else "beyond all asked" if np.isinf(value) else f"{value:.2f} m"
+    """A distance that may lie beyond what is told: what was asked, or what photons tell."""
+    return "nowhere" if np.isnan(value) else "beyond all told" if np.isinf(value) else f"{value:.2f} m"
 
 
 def as_data(found: WorkingRange) -> dict[str, Any]:

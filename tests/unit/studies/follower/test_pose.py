@@ -256,6 +256,19 @@ def written(path: Path, readings: np.ndarray, times: np.ndarray | None = None) -
     return path
 
 
+def test_a_roll_goes_round() -> None:
+    """Beside an oval beam it is sought: no pose ends at 180 degrees, where the range of angles does."""
+    oval = FormulaLight(SCENE.with_values({"lamp.ellipticity": 1.3}))
+    one = Estimator(ArrayModel(oval, HEMISPHERE), NOISE, POSE, {"gain": 0.05}, SPACE)
+    rng, ends = np.random.default_rng(4), []
+    for roll in (0.1, 1.5, 3.0):
+        read = one.model.readings(np.append(POSE_0[:5], roll)[None])[0]
+        read += np.sqrt(NOISE.variance(read)) * rng.standard_normal(len(read))
+        found = one.estimate(read, more_starts=16)
+        ends += [abs(pose[5]) for pose in (found.pose, *(rival.pose for rival in found.rivals))]
+    assert len(ends) > 3 and not np.isclose(ends, np.pi, atol=1e-9).any()
+
+
 def test_poses_at_the_edge_of_the_space_are_no_other_light(tmp_path: Path) -> None:
     """At 12 m, looked for up to 8.8: the light is the one that is believed in."""
     rng, far = np.random.default_rng(8), np.array([0.1, 0.0, 12.0, 0.0, 0.0, 0.0])

@@ -47,7 +47,7 @@ def test_a_far_stretch_that_is_known_is_told() -> None:
     assert found.formula_near_m == pytest.approx(6.0, abs=1e-3) and found.formula_from_m == found.from_m
     assert found.from_m == pytest.approx(8.2 + 1 / 1.25, abs=0.01) and np.isinf(found.z_m)
     assert found.near_m == pytest.approx(6.0, abs=1e-3)
-    assert distance(found) == "to 6.00 m, 9.00 ± 0.01 m to beyond all asked"
+    assert distance(found) == "to 6.00 m, 9.00 ± 0.01 m to beyond all told"
     assert docked(found, 10.0, 2.0).startswith("to 6.0 m, ")
 
 
@@ -56,14 +56,14 @@ def test_where_it_begins_to_hold_has_an_error() -> None:
     found = along(LIMIT * np.exp(-0.5 * (Z - 5)), np.full(len(Z), 0.1))
     assert found.from_m == pytest.approx(5.0, abs=1e-3)
     assert found.from_stderr_m == pytest.approx(0.1 / 0.5, rel=0.01)
-    assert distance(found) == "5.00 ± 0.20 m to beyond all asked"
+    assert distance(found) == "5.00 ± 0.20 m to beyond all told"
 
 
 def test_what_photons_leave_in_doubt_far_away_is_told_as_far_as_it_is_sure() -> None:
     """A bound of two thirds of the limit, known to 0.05 (z - 2): with two errors more it is met up to 7 m."""
     found = along(np.full(len(Z), 2 / 3 * LIMIT), 0.05 * (Z - 2))
     assert np.isinf(found.z_m) and found.sure_m == pytest.approx(7.0, abs=0.01)
-    assert distance(found) == "beyond all asked (for sure to 7.00 m)"
+    assert distance(found) == "beyond all told (for sure to 7.00 m)"
     assert docked(found, 10.0, 2.0) == "> 10 m (7.0 m for sure)"
 
 
@@ -71,6 +71,7 @@ def test_a_bound_that_is_nowhere_sure_is_not_told() -> None:
     found = along(np.full(len(Z), 2 / 3 * LIMIT), np.ones(len(Z)))
     assert not found.is_told and found.formula_m == np.inf
     assert distance(found) == docked(found, 10.0, 2.0) == "too few photons to say"
+    assert distance(Reach("pose_across", 4.73, 16.09, 3.8)) == "too few photons to say"
 
 
 def test_a_bound_that_is_too_large_everywhere_holds_nowhere() -> None:

@@ -315,7 +315,7 @@ def test_readings_are_taken_about_the_lamps_axis_and_in_its_first_band() -> None
 def test_it_ends_before_the_tank_does() -> None:
     found = working_range(scene(tank={"length_m": 10.0, "behind_lamp_m": 0.5}), None)
     assert float(found.dataset.z_m.max()) == pytest.approx(9.45)
-    assert np.isinf(reach(found, "pose_across")) and "beyond all asked" in as_text(found)
+    assert np.isinf(reach(found, "pose_across")) and "beyond all told" in as_text(found)
     with pytest.raises(SceneError, match="no distances"):
         working_range(scene(), None, to_m=4.6)
 
