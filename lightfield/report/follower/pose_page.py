@@ -117,7 +117,7 @@ def poses_page(poses: Poses) -> str:
         ]
         state = one.status
         state += ", ambiguous" * one.ambiguous
-        state += f", {len(one.rivals)} rivals" if one.rivals else ""
+        state += f", {len(one.rivals)} rival{'s' * (len(one.rivals) > 1)}" if one.rivals else ""
         rows.append([f"{poses.time_s[k]:.2f}", *cells, f"{state} ({one.chi2:.0f})"])
     there = len(poses.estimates)
     cut = f" The first {MOST_ROWS} of {there} readings; the figure shows all." if there > MOST_ROWS else ""
