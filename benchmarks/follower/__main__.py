@@ -28,11 +28,11 @@ from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design.compared import ArraySetting, judged_array, task_poses
 from lightfield.studies.follower.design.exchange import Mounting, optimise_array
 from lightfield.studies.follower.elements import Elements, elements_of
+from lightfield.studies.follower.estimation.pose import Estimator
+from lightfield.studies.follower.estimation.tracking import Tracker
 from lightfield.studies.follower.frames import placed
 from lightfield.studies.follower.information import nuisances_of
-from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.survey import array_of
-from lightfield.studies.follower.tracking import Tracker
 from lightfield.studies.following.loop import run_loop
 from lightfield.studies.following.truth_and_belief import light_of_mission
 

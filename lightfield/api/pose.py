@@ -17,7 +17,7 @@ from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.defaults import HALF_WIDTH_M, MEDIUM
 from lightfield.studies.follower import bias as biases
-from lightfield.studies.follower import sequence
+from lightfield.studies.follower.estimation import sequence
 from lightfield.studies.follower.frames import POSE, in_degrees, with_units
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.robots.ros import Bridge, ros
     from lightfield.robots.ros import spin as spin
     from lightfield.studies.follower.array_light import light_of
-    from lightfield.studies.follower.pose import Estimator
+    from lightfield.studies.follower.estimation.pose import Estimator
     from lightfield.studies.follower.survey import array_of
 
     scene, where = space_and_light(args.scene, **space_asked(args))

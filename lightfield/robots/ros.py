@@ -23,8 +23,8 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.errors import UsageError
 from lightfield.studies.defaults import FRAME
+from lightfield.studies.follower.estimation.pose import Estimator, PoseEstimate
 from lightfield.studies.follower.frames import UNKNOWN_VARIANCE, FramedPose, covariance_of, lamp_seen
-from lightfield.studies.follower.pose import Estimator, PoseEstimate
 
 NODE = "lightfield_pose"
 #: Messages that wait at most.

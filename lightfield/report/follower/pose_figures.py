@@ -25,8 +25,8 @@ from lightfield.report.style import (
     panels,
 )
 from lightfield.studies.follower.bias import BiasStudy
+from lightfield.studies.follower.estimation.sequence import Poses
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.sequence import Poses
 
 #: Standard deviations that a bar or band spans to either side.
 SIGMAS = 2

@@ -9,9 +9,9 @@ from lightfield.report.follower.pose_figures import bias_figure, plane_figure, s
 from lightfield.report.page import page_figure
 from lightfield.studies.follower.bias import BiasStudy, told_bias
 from lightfield.studies.follower.calibration import CLEAR_PER_M
+from lightfield.studies.follower.estimation.sequence import Poses
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import is_told
-from lightfield.studies.follower.sequence import Poses
 from lightfield.wording import capital, minus
 
 #: Samples that a table shows.

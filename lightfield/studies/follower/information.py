@@ -243,15 +243,16 @@ def bound_pair(
     """What noise scatters of an estimate that seeks the nuisances, too; and the bound with these unknown.
 
     With H the information of the pose and of what is not known exactly, its prior included, and B what of it
-    the readings brought, the scatter from one reading to the next is H^-1 B H^-1: the prior is the same in
-    all.
+    the readings would bring were their scatter the noise that is new in each, that scatter is H^-1 B H^-1:
+    the prior, and the mismatch of the elements, are the same in all.
     """
     n = len(names)
-    readings, brought = information(model, pose, [*names, *nuisances], noise)
-    covariance = inverse(brought + np.diag([0.0] * n + [float(s) ** -2.0 for s in nuisances.values()]))
+    readings, weighed, part = _weighed(model, pose, [*names, *nuisances], noise)
+    prior = np.diag([0.0] * n + [float(s) ** -2.0 for s in nuisances.values()])
+    covariance = inverse(weighed.T @ weighed + prior)
     known = np.isfinite(np.diag(covariance))
     scatter = np.where(known[:, None] & known, covariance, 0.0)
-    scatter = scatter @ brought @ scatter + np.diag(np.where(known, 0.0, np.inf))
+    scatter = scatter @ (weighed.T * part) @ weighed @ scatter + np.diag(np.where(known, 0.0, np.inf))
     spread = dict(zip(nuisances, np.sqrt(np.diag(covariance)[n:]).tolist(), strict=True))
     alone = Bound(pose, tuple(names), scatter[:n, :n], {}, readings)
     return alone, Bound(pose, tuple(names), covariance[:n, :n], spread, readings)
@@ -261,12 +262,21 @@ def information(
     model: ArrayModel, pose: Array, names: Sequence[str], noise: SensorNoise
 ) -> tuple[Array, Array]:
     """Readings at a pose, and the Fisher information of `names`, shape (len(names), len(names))."""
+    readings, weighed, _ = _weighed(model, pose, names, noise)
+    return readings, weighed.T @ weighed
+
+
+def _weighed(
+    model: ArrayModel, pose: Array, names: Sequence[str], noise: SensorNoise
+) -> tuple[Array, Array, Array]:
+    """Readings at a pose; of those in the light the slopes over their errors, shape (n, len(names)), and the
+    part of the variance that is new in every reading, shape (n,)."""
     readings, error = model.with_errors(pose)
     slopes = model.slopes(pose, names)
-    variance = noise.variance(readings) + error**2
     lit = readings > DARK * readings.max(initial=0.0)
-    weighed = slopes[lit] / np.sqrt(variance[lit])[:, None]
-    return readings, weighed.T @ weighed
+    variance = (noise.variance(readings) + error**2)[lit]
+    lasting = (noise.mismatch * readings[lit]) ** 2 + error[lit] ** 2
+    return readings, slopes[lit] / np.sqrt(variance)[:, None], 1 - lasting / variance
 
 
 def inverse(information: Array) -> Array:

@@ -111,7 +111,7 @@ def find_minima(
     def residual(poses: Array, unknown: Array, of: Array) -> tuple[Array, Array, Array]:
         """Of readings and nuisances; the light, and its logarithm's slopes by the nuisances."""
         believed = model.readings(poses)
-        by = _over(model.by_nuisances(poses, others), believed)
+        by = of_logarithms(model.by_nuisances(poses, others), believed)
         by = np.concatenate([np.ones((*believed.shape, gains)), by], axis=2)
         read = believed * np.exp(np.einsum("snk,sk->sn", by, unknown))
         return np.concatenate([(readings[of] - read) * weight[of], -prior * unknown], axis=1), read, by
@@ -119,10 +119,12 @@ def find_minima(
     def slopes_at(poses: Array, unknown: Array, read: Array, by: Array) -> Array:
         """Of the light, shape (s, n_elements, n_coordinates + n_nuisances)."""
         believed, far = read * np.exp(-np.einsum("snk,sk->sn", by, unknown)), unknown[:, gains:]
-        own = _over(model.by_pose(poses, names), believed)
+        own = of_logarithms(model.by_pose(poses, names), believed)
         if others:
             bent = np.einsum("snki,sk->sni", model.by_both(poses, names, others), far)
-            own += _over(bent, believed) - np.einsum("snk,sk->sn", by[..., gains:], far)[..., None] * own
+            own += (
+                of_logarithms(bent, believed) - np.einsum("snk,sk->sn", by[..., gains:], far)[..., None] * own
+            )
         return read[..., None] * np.concatenate([own, by], axis=2)
 
     going = np.ones(len(poses), bool)
@@ -176,7 +178,8 @@ def find_minima(
     return Minima(poses, np.exp(unknown[:, :gains].sum(axis=1)), chi2)
 
 
-def _over(slopes: Array, readings: Array) -> Array:
-    """Derivatives, (s, n, k), of the logarithms of readings, (s, n); zero where an element is dark."""
+def of_logarithms(slopes: Array, readings: Array) -> Array:
+    """Derivatives, (s, n, ...), of the logarithms of readings, (s, n); zero where an element is dark."""
     lit = readings > DARK * readings.max(axis=1, keepdims=True)
-    return np.divide(slopes, readings[..., None], out=np.zeros_like(slopes), where=lit[..., None])
+    readings, lit = (v.reshape(*v.shape, *[1] * (slopes.ndim - 2)) for v in (readings, lit))
+    return np.divide(slopes, readings, out=np.zeros_like(slopes), where=lit)

@@ -10,11 +10,11 @@ from scipy.stats import chi2
 from lightfield.arrays import Array, Mask
 from lightfield.studies.follower.array_light import ArrayModel, Space
 from lightfield.studies.follower.array_noise import SensorNoise
+from lightfield.studies.follower.estimation.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
+from lightfield.studies.follower.estimation.tracking import Filter
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.pose_search import box_of, find_minima
 from lightfield.studies.follower.rival_poses import NEAR_SIGMA
-from lightfield.studies.follower.tracking import Filter
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a
 #: second before are as good as six (scatter of the estimates the same to 1 %).

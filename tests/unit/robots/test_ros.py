@@ -16,7 +16,7 @@ from lightfield.robots.ros import ERROR, OK, WARN, Bridge, make_node, spin
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import FormulaLight, Space
 from lightfield.studies.follower.elements import elements_of
-from lightfield.studies.follower.pose import Estimator
+from lightfield.studies.follower.estimation.pose import Estimator
 
 SCENE = {
     "lamp": {"hwhm_deg": 3.81},

@@ -19,12 +19,12 @@ from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design.compared import compare_arrays
 from lightfield.studies.follower.design.exchange import Mounting, optimise_array
 from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.estimation.pose import Estimator
+from lightfield.studies.follower.estimation.sequence import Poses
+from lightfield.studies.follower.estimation.tracking import Tracker
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import doubt_in_words
-from lightfield.studies.follower.pose import Estimator
-from lightfield.studies.follower.sequence import Poses
 from lightfield.studies.follower.survey import survey
-from lightfield.studies.follower.tracking import Tracker
 
 SCENE = Scene.from_dict(
     {"name": "two <diodes>", "water": {"absorption_per_m": 0.1}, "array": {"count": [2, 1], "size_m": 0.4}}

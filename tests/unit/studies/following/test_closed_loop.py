@@ -17,8 +17,8 @@ from lightfield.studies.follower.array_light import ArrayModel, FormulaLight
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.bias import belief
 from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.estimation.tracking import Filter
 from lightfield.studies.follower.frames import POSE, wrapped
-from lightfield.studies.follower.tracking import Filter
 from lightfield.studies.following import sweep
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.loop import _Moving

@@ -14,13 +14,13 @@ from lightfield.scene import Follower, Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, grid, on_sphere
+from lightfield.studies.follower.estimation.pose import Estimator
+from lightfield.studies.follower.estimation.sequence import Lost, poses_of
+from lightfield.studies.follower.estimation.table import read_samples
+from lightfield.studies.follower.estimation.tracking import Tracker
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.pose import Estimator
 from lightfield.studies.follower.pose_search import Minima, box_of
 from lightfield.studies.follower.rival_poses import nearest_alike, rivals
-from lightfield.studies.follower.sequence import Lost, poses_of
-from lightfield.studies.follower.table import read_samples
-from lightfield.studies.follower.tracking import Tracker
 
 SCENE = Scene.from_dict(
     {

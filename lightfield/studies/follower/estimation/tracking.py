@@ -2,9 +2,8 @@
 
     state  (p, v),   p' = p + v dt,   v' = v + white acceleration       (Bar-Shalom et al. 2001, section 6.2)
 
-Only the noise of single readings is averaged away. What gain, water and lamp leave unknown is the same in
-every
-reading, and is added afterwards.
+Only the noise of single readings is averaged away. What gain, mismatch, water and lamp leave unknown, and
+which of several poses it is, is nearly the same in every reading, and is added afterwards.
 """
 
 from __future__ import annotations
@@ -16,8 +15,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
+from lightfield.decompositions import eigen
+from lightfield.studies.follower.estimation.pose import Estimator, PoseEstimate
 from lightfield.studies.follower.frames import POSE, wrapped
-from lightfield.studies.follower.pose import Estimator, PoseEstimate
 
 #: Density of the white acceleration, (m/s^2)^2/Hz and (rad/s^2)^2/Hz: within a second a small vehicle's speed
 #: changes by about 0.2 m/s and its rates of turn by 10 degrees/s (chosen).
@@ -28,6 +28,8 @@ RATE_SIGMA = np.array([0.5, 0.5, 0.5, *np.radians([20.0, 20.0, 20.0])])
 GATE = 1e-4
 #: After so many readings in a row that it did not use, the filter begins anew (chosen).
 MOST_REFUSED = 5
+#: What does not average away is told as the mean of so many readings: each knows it roughly (chosen).
+MEMORY = 10
 
 
 @dataclass(frozen=True)
@@ -180,7 +182,7 @@ class Tracker:
     estimator: Estimator
     _filter: Filter = field(init=False, repr=False)
     _time_s: float = field(default=0.0, repr=False)
-    _common: Array | float = field(default=0.0, repr=False)
+    _common: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self._filter = Filter(self.estimator.names)
@@ -203,10 +205,26 @@ class Tracker:
         else:
             one.refused += 1
         if found.total is not None and found.noise_only is not None and used:
-            self._common = found.total.covariance - found.noise_only.covariance
+            common = _beside(found.total.covariance, found.noise_only.covariance)
+            before = self._common
+            if before is None or not (np.isfinite(before).all() and np.isfinite(common).all()):
+                self._common = common
+            else:
+                self._common = before + (common - before) / MEMORY
         known = bool(one.known[0])
         pose, rate = (v[0] if known else np.full(len(POSE), np.nan) for v in (one.poses, one.rates))
         if known and "roll" not in self.estimator.names:
             pose[POSE.index("roll")] = self.estimator.roll_rad
         covariance = one.covariance[0, :n, :n].copy() if known else np.full((n, n), np.nan)
-        return Tracked(time_s, pose, rate, covariance, covariance + self._common, innovation, used, found)
+        total = covariance if self._common is None else covariance + self._common
+        return Tracked(time_s, pose, rate, covariance, total, innovation, used, found)
+
+
+def _beside(whole: Array, part: Array) -> Array:
+    """What a covariance holds beside another, shape (n, n); no variance below 0, infinite ones kept."""
+    known, size = np.isfinite(np.diag(whole)), np.sqrt(np.diag(whole))
+    told = known[:, None] & known
+    scale = np.where(told, np.outer(size, size), 1.0)
+    values, vectors = eigen(np.where(told, whole - part, 0.0) / scale)
+    rest = (vectors * np.maximum(values, 0.0)) @ vectors.T * scale
+    return np.asarray(rest + np.diag(np.where(known, 0.0, np.inf)))

@@ -15,12 +15,12 @@ from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import MARGIN_M, Space, light_of
 from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.estimation.pose import DOUBTFUL, IN_A_ROW, Estimator, PoseEstimate
+from lightfield.studies.follower.estimation.table import read_samples
+from lightfield.studies.follower.estimation.tracking import Tracked, Tracker
 from lightfield.studies.follower.frames import POSE, UNKNOWN_VARIANCE, in_degrees
-from lightfield.studies.follower.pose import DOUBTFUL, IN_A_ROW, Estimator, PoseEstimate
 from lightfield.studies.follower.pose_search import MOST_TURNED
 from lightfield.studies.follower.survey import array_of
-from lightfield.studies.follower.table import read_samples
-from lightfield.studies.follower.tracking import Tracked, Tracker
 from lightfield.wording import minus
 
 #: Random starts that look for rivals of a pose.

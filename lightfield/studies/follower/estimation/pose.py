@@ -7,8 +7,8 @@ filter that knows that a vehicle does not jump (`tracking`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -20,6 +20,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.estimation.posterior import Reading
 from lightfield.studies.follower.frames import AXES, POSE, UNKNOWN_VARIANCE, in_degrees, in_frame, pose_of
 from lightfield.studies.follower.information import Bound, bound_pair, is_told, nuisances_of
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
@@ -55,7 +56,8 @@ class PoseEstimate:
     noise_only : Bound or None
         What noise scatters from one reading to the next; None where light is lost.
     total : Bound or None
-        With gain, water and lamp unknown as far as the scene says.
+        With gain, water and lamp unknown as far as the scene says; its covariance is the mean square distance
+        of all poses that the reading leaves open, see `posterior`.
     rivals : list of RivalPose
         Other minima within 5 sigma.
     lost : bool
@@ -234,16 +236,30 @@ class Estimator:
         best, k = float(found.chi2[0]), nearest_alike(found, last, ALIKE_SIGMA)
         pose, chi2 = found.poses[k], float(found.chi2[k])
         alone, total = bound_pair(self.model, pose, self.names, self.noise, self.nuisances)
+        rivals = others(found, pose, best)
         return PoseEstimate(
             pose,
             float(found.gains[k]),
             chi2,
             float(chi2_distribution.sf(chi2, free)),
             alone,
-            total,
-            others(found, pose, best),
+            self._with_all_left_open(total, (chi2 - best) ** 0.5, rivals, readings),
+            rivals,
             edge=self._at_edge(pose),
         )
+
+    def _with_all_left_open(
+        self, total: Bound, sigma: float, rivals: Sequence[RivalPose], readings: Array
+    ) -> Bound:
+        """A bound at a pose so many sigma from the best with the errors of all poses that are left open."""
+        variance, box = self.noise.variance(readings), box_of(self.space)
+        reading = Reading(self.model, readings, variance, self.names, self.nuisances, box)
+        minima = [(total.pose, sigma), *((one.pose, one.sigma) for one in rivals)]
+        covariances = [total.covariance]
+        for one in rivals:
+            pair = bound_pair(self.model, one.pose, self.names, self.noise, self.nuisances)
+            covariances.append(pair[1].covariance)
+        return replace(total, covariance=reading.spread_about(minima, covariances))
 
     def _at_edge(self, pose: Array) -> bool:
         low, high = box_of(self.space)
