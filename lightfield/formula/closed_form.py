@@ -25,11 +25,12 @@ from lightfield.formula.readout import Taken, halves, readout, spectra, time_fac
 from lightfield.formula.scattered.quadrature import finest_rad
 from lightfield.scene.acts import Acts
 from lightfield.scene.bands import read_nm
+from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.colour import REFERENCE_NM, wider_in_colour
 from lightfield.scene.lamp.frame import beam_angles, is_ahead, through_window
 from lightfield.scene.lamp.profile import LN2, effective_angles, relative_intensity
 from lightfield.scene.parameters import switched_off
-from lightfield.scene.receiver import response
+from lightfield.scene.receiver import half_view_rad, response
 
 if TYPE_CHECKING:
     from lightfield.scene import Lamp, Scene
@@ -45,6 +46,9 @@ DISC = [
 #: A window this many half widths of its beam wide, where it is nearest, is seven points to 1e-3 of the axis;
 #: wider ones are rings, of so many for each half width and at most so many, to 1e-4 (test_window.py).
 _SEVEN, _RINGS, _MOST_RINGS = 0.75, 1.5, 12
+#: A collimator sees all of a window that is smaller than this part of what it sees from the axis; where its
+#: edge may cut it there are so many points: right to 2 % (test_window.py).
+_WHOLLY, _CUT = 0.1, 200
 #: No beam counts as wider, rad.
 _STEEPEST = 1.4
 
@@ -158,18 +162,22 @@ def direct_field(
     if lamp.radius_m == 0.0:
         return light_of_point(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
     total = np.zeros(x.shape)
-    for point, share in lamps_of_window(lamp, z):
+    for point, share in lamps_of_window(lamp, z, scene.detector):
         total += share * light_of_point(scene, point, x, y, z, wavelength_nm, in_air, time_s)
     return total * on_path
 
 
-def lamps_of_window(lamp: Lamp, z_m: ArrayLike = math.inf) -> list[tuple[Lamp, float]]:
+def lamps_of_window(
+    lamp: Lamp, z_m: ArrayLike = math.inf, detector: Detector | None = None
+) -> list[tuple[Lamp, float]]:
     """The points that stand for the lamp's window, each as a lamp of its own, and the share of each.
 
     Parameters
     ----------
     z_m : array, m
         Where their light is wanted: the nearer, the more points there are; default: far away.
+    detector : Detector, optional
+        One that sees a part of the window only asks for many.
     """
     if lamp.radius_m == 0.0:
         return [(lamp, 1.0)]
@@ -181,16 +189,33 @@ def lamps_of_window(lamp: Lamp, z_m: ArrayLike = math.inf) -> list[tuple[Lamp, f
             ),
             share,
         )
-        for u, v, share in _points(lamp, z_m)
+        for u, v, share in _points(lamp, z_m, detector)
     ]
 
 
-def _points(lamp: Lamp, z_m: ArrayLike) -> list[tuple[float, float, float]]:
+def _points(lamp: Lamp, z_m: ArrayLike, detector: Detector | None) -> list[tuple[float, float, float]]:
     """Places in a window of radius one, and the share of each."""
-    nearest = float(np.min(z_m, where=np.asarray(z_m) > 0, initial=math.inf)) + lamp.apparent_distance_m
+    window = float(np.min(z_m, where=np.asarray(z_m) > 0, initial=math.inf))
     half_width = math.sqrt(2 * LN2) * finest_rad(lamp) if lamp.profile != "isotropic" else math.inf
-    wide = lamp.radius_m / (nearest * math.tan(min(half_width, _STEEPEST)))
+    wide = lamp.radius_m / ((window + lamp.apparent_distance_m) * math.tan(min(half_width, _STEEPEST)))
+    if detector is not None:
+        seen = lamp.radius_m / window
+        if detector.quantity != "radiance":
+            wide = max(wide, seen / math.tan(half_view_rad(detector)))
+        elif seen > _WHOLLY * math.tan(math.radians(0.5 * detector.full_angle_deg)):
+            # The edge of what it sees may cut the window anywhere.
+            return _spread_evenly(_CUT)
     return DISC if wide <= _SEVEN else _rings(min(math.ceil(_RINGS * wide) + 1, _MOST_RINGS))
+
+
+@cache
+def _spread_evenly(count: int) -> list[tuple[float, float, float]]:
+    """Points of equal share along a spiral by the golden angle (Vogel 1979, Math. Biosci. 44, 179): whatever
+    is cut off a disc, as great a part of them is."""
+    k = np.arange(count)
+    radius, turn = np.sqrt((k + 0.5) / count), k * (math.pi * (3 - math.sqrt(5)))
+    columns = (radius * np.cos(turn), radius * np.sin(turn), np.full(count, 1.0 / count))
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 @cache

@@ -22,7 +22,7 @@ def in_air(scene: Scene) -> Scene:
     """
     values: dict[str, object] = {}
     if scene.tank is not None and scene.surface_reflects:
-        values |= {"tank.surface_reflectance": 0.0}
+        values |= {"tank.surface": "none"}
     n = scene.lamp.window_index
     if n != 1.0:
         if scene.lamp.apparent_distance_m:

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.formula.cells import along_a_side, cell_mean
+from lightfield.formula.closed_form import direct_field
 from lightfield.formula.own_formulas import factor, has_own_straight_light, lit, on_path
 from lightfield.render.backend import use_backend
 from lightfield.render.limits import OF_MAPS
@@ -18,11 +20,12 @@ from lightfield.render.response.grid import Grid, reference_of, scene_grid
 from lightfield.render.response.of_colours import OfColours
 from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
 from lightfield.render.settings import Settings
-from lightfield.scene import Scene
+from lightfield.scene import Scene, Water
 from lightfield.scene.acts import TRACED
 from lightfield.scene.all_parameters import only
 from lightfield.scene.bands import at_wavelengths, middles_nm, over_bands, refuse_unlit
 from lightfield.scene.lamp.colour import in_colour
+from lightfield.scene.listed import OWN_FIELD
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 
 TOGETHER = 25  # wavelengths evaluated at once
@@ -72,14 +75,16 @@ class TracedMaps:
             mean, stderr = self.relative_maps(at[:1, 0], part)
             per_band = intensity.mean(axis=1)[:, None, None, None]
             return mean * per_band, stderr * per_band
-        # Some bands at a time: the tally is read once for all of them.
-        step = max(1, TOGETHER // at.shape[1])
-        parts = []
-        for first in range(0, len(at), step):
-            some = slice(first, first + step)
-            pair = self.relative_maps(at[some].ravel(), part, intensity[some].ravel())
-            parts.append([v.reshape(*at[some].shape, *v.shape[1:]).mean(axis=1) for v in pair])
-        mean, stderr = (np.concatenate(v) for v in zip(*parts, strict=True))
+        # Some wavelengths at a time: the tally is read once for all of them.
+        band = np.repeat(np.arange(len(at)), at.shape[1])
+        totals: list[Array] = []
+        for first in range(0, at.size, TOGETHER):
+            some = slice(first, first + TOGETHER)
+            pair = self.relative_maps(at.ravel()[some], part, intensity.ravel()[some])
+            totals = totals or [np.zeros((len(at), *v.shape[1:])) for v in pair]
+            for total, values in zip(totals, pair, strict=True):
+                np.add.at(total, band[some], values / at.shape[1])
+        mean, stderr = totals
         return mean, stderr
 
     def relative_maps(
@@ -94,7 +99,7 @@ class TracedMaps:
         a, b = coefficients_in(water, wavelengths_nm, self.response.reference.molecular_share)
         found = self._evaluated(wavelengths_nm, a, b, part)
         if part != "diffuse" and on_path(self.scene):
-            straight = found[0] if part == "direct" else self._evaluated(wavelengths_nm, a, b, "direct")[0]
+            straight = found if part == "direct" else self._evaluated(wavelengths_nm, a, b, "direct")
             found = with_own_path(self.scene, self.grid, wavelengths_nm, straight, found)
         mean, stderr = map(self.grid.in_water, found)
         if intensity is None:
@@ -128,29 +133,50 @@ class Rendering(TracedMaps):
 
 
 def with_own_path(
-    scene: Scene, grid: Grid, wavelengths_nm: Array, straight: Array, maps: tuple[Array, Array]
+    scene: Scene,
+    grid: Grid,
+    wavelengths_nm: Array,
+    straight: tuple[Array, Array],
+    maps: tuple[Array, Array],
 ) -> tuple[Array, Array]:
     """Maps in which formulas of the user's own have acted on the light that comes straight.
 
     Parameters
     ----------
     wavelengths_nm : array, shape (n,), nm
-    straight : array, shape (n, n_planes, n_y, n_x)
-        The light that comes straight, without them.
+    straight : two arrays, shape (n, n_planes, n_y, n_x)
+        The light that comes straight without them, and its standard error.
     maps : two arrays, of that shape
         Mean and standard error without them.
 
     Raises
     ------
     SceneError
-        A formula has no finite value in the middle of every cell.
+        A formula has no finite value somewhere in a cell.
     """
-    mean, stderr = maps
-    places = grid.centres()
-    left = np.array([factor(scene, ("path",), *places, w) - 1.0 for w in np.ravel(wavelengths_nm)])
-    change = straight * left.reshape(straight.shape)
-    seen = np.divide(mean + change, mean, out=np.ones_like(mean), where=mean > 0)
-    return mean + change, stderr * seen
+    (mean, stderr), (direct, error) = maps, straight
+    left = np.array([_left_by_own_path(scene, grid, float(w)) for w in np.ravel(wavelengths_nm)])
+    rest = np.sqrt(np.maximum(stderr**2 - error**2, 0.0))
+    return mean + direct * (left - 1.0), np.where(np.isfinite(stderr), np.hypot(error * left, rest), stderr)
+
+
+def _left_by_own_path(scene: Scene, grid: Grid, wavelength_nm: float) -> Array:
+    """Part of the straight light of every cell that own effects leave, shape (n_planes, n_y, n_x)."""
+    clear = scene.model_copy(update={"water": Water(), OWN_FIELD: ()})
+    pitch, count = max(grid.pitch_x_m, grid.pitch_y_m), len(grid.x_m) * len(grid.y_m)
+    found = np.ones(grid.shape)
+    for plane, z in zip(found, grid.z_m.tolist(), strict=True):
+
+        def lit_and_left(x: Array, y: Array, z: float = z) -> Array:
+            light = direct_field(clear, x, y, np.full_like(x, z), np.full_like(x, wavelength_nm))
+            return np.stack(
+                [light, light * factor(scene, ("path",), x, y, np.full_like(x, z), wavelength_nm)]
+            )
+
+        side = along_a_side(scene, z, pitch, count)
+        before, after = cell_mean(lit_and_left, grid.x_m, grid.y_m, grid.pitch_x_m, grid.pitch_y_m, side)
+        np.divide(after, before, out=plane, where=before > 0)
+    return found
 
 
 def render_scene(

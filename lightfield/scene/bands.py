@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +15,20 @@ from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
 from lightfield.scene.lamp.tabulated import FIRST_NM, LAST_NM, STEP_NM
 from lightfield.scene.scene import Scene
-from lightfield.scene.water.coefficients import known_nm, molecular_per_m, scattering_per_m
+from lightfield.scene.water.coefficients import (
+    absorption_per_m,
+    is_grey,
+    known_nm,
+    molecular_per_m,
+    scattering_per_m,
+)
 
-#: Equal parts of a band, over each of which the water is taken to be the same.
-PIECES = 5
+#: Equal parts of a band at least, over each of which the water is taken to be the same; and at most, one for
+#: a nanometre of a band.
+PIECES, _FINEST_NM = 5, 1.0
+#: Within a part the optical depth of the farthest plane changes by this at most: the light of the steepest is
+#: right to 4e-3 (the square over 24), that of a band to less (tests/physics/light/test_wide_bands.py).
+_MOST_CHANGE = 0.3
 #: Part of a spectrum's peak that no instrument sees.
 _LEAST_LIT = 1e-12
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -48,8 +59,22 @@ def read_nm(scene: Scene, wavelength_nm: ArrayLike) -> Array:
     return np.asarray(np.clip(shifted, np.minimum(low, stated), np.maximum(high, stated)))
 
 
+def pieces(scene: Scene) -> int:
+    """Equal parts of every band in which the water is as good as the same, up to the farthest detector."""
+    if is_grey(scene.water):
+        return PIECES
+    far, most = scene.detector.distances_m[-1], PIECES
+    for low, high in scene.detector.bands_read_nm:
+        at = np.linspace(low, high, max(PIECES, math.ceil((high - low) / _FINEST_NM)) + 1)
+        asked = np.clip(at, *known_nm(scene.water))
+        depth = far * (absorption_per_m(scene.water, asked) + scattering_per_m(scene.water, asked))
+        change = float(np.abs(np.diff(depth)).max()) / (at[1] - at[0])
+        most = max(most, min(math.ceil((high - low) * change / _MOST_CHANGE), len(at) - 1))
+    return most
+
+
 def middles_nm(scene: Scene) -> Array:
-    """Middles of the equal parts of every band as it is read, shape (n_bands, PIECES), nm."""
+    """Middles of `PIECES` equal parts of every band as it is read, shape (n_bands, PIECES), nm."""
     bands = np.asarray(scene.detector.bands_read_nm, float)
     at = (np.arange(PIECES) + 0.5) / PIECES
     return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
@@ -59,14 +84,14 @@ def molecular_share(scene: Scene) -> float:
     """Part of the scattering coefficient that is molecular in the middle of the scene's bands."""
     if scene.water.base != "pure":
         return 0.0
-    at = middles_nm(scene).mean()
+    at = np.asarray(scene.detector.bands_read_nm, float).mean()
     return float(molecular_per_m(scene.water, at) / scattering_per_m(scene.water, at))
 
 
 def over_bands(scene: Scene) -> BandLight:
     """The lamp's light in every band as it is read, see `over_band`."""
-    detector = scene.detector
-    each = [over_band(scene.lamp, low, high, detector) for low, high in detector.bands_read_nm]
+    detector, count = scene.detector, pieces(scene)
+    each = [over_band(scene.lamp, low, high, detector, count) for low, high in detector.bands_read_nm]
     return BandLight(*(np.array(v) for v in zip(*each, strict=True)))
 
 

@@ -286,7 +286,8 @@ class Scene(Part):
         Parameters
         ----------
         values : mapping of str to value
-            New values by dotted path. Setting `tank.surface_reflectance` above 0 makes the surface flat.
+            New values by dotted path. Setting `tank.surface_reflectance` above 0 makes the surface flat, to 0
+            a lid of it.
         validate : bool
             False skips the check of values (not of paths), for the inner loop of a fit.
 
@@ -299,7 +300,7 @@ class Scene(Part):
         try:
             values = with_listed(self, self._surface_follows(values))
             if not validate:
-                return with_fields(self, values)
+                return with_fields(self, values)._with_slab_in_tank(values)
         except KeyError as error:
             raise self._no_such(error.args[0]) from None
         # Parts that stay as they are were checked when they were made.
@@ -340,11 +341,18 @@ class Scene(Part):
         text = json.dumps(without_minus_zero(data), sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def _with_slab_in_tank(self, values: Mapping[str, Any]) -> Scene:
+        """The same; a slab of water whose place nobody states follows a tank that has changed."""
+        if not any(path.startswith("tank.") for path in values):
+            return self
+        water = water_in(self.water, self.tank)
+        return self if water is self.water else self.model_copy(update={"water": water})
+
     def _surface_follows(self, values: dict[str, Any]) -> dict[str, Any]:
         """Keep `surface` and `surface_reflectance` consistent when only one of them is set."""
         surface, reflectance = values.get("tank.surface"), values.get("tank.surface_reflectance")
-        if surface is None and isinstance(reflectance, float | int) and reflectance > 0:
-            return {**values, "tank.surface": "flat"}
+        if surface is None and isinstance(reflectance, float | int):
+            return {**values, "tank.surface": "flat" if reflectance > 0 else "none"}
         if (
             surface is not None
             and reflectance is None

@@ -75,6 +75,12 @@ class Tank(Part):
                     found={"surface": "none", "surface_reflectance": reflectance},
                 )  # fmt: skip
             return {**data, "surface": data.get("surface", "flat")}
+        if data.get("surface") == "flat" and reflectance == 0:
+            raise RuleError(
+                "a surface that sends nothing back is none, and a lid like the walls stands in its place",
+                'write surface = "none" for the lid, or a small surface_reflectance (0.001) for a black top',
+                found={"surface": "flat", "surface_reflectance": reflectance},
+            )
         return data
 
     @model_validator(mode="after")

@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array, Mask
+from lightfield.formula.closed_form import refuse_pencil
 from lightfield.scene import Scene
 from lightfield.scene.bands import refuse_unlit
 from lightfield.studies.compare.rings import SIGMAS
@@ -30,7 +31,7 @@ RECEIVERS: dict[str, dict[str, Any]] = {
 ERRORS = (0.05, 0.10, 0.25)
 #: Albedo and error that are told of in a sentence.
 _TYPICAL, _WITHIN = 0.8, 0.10
-DISTANCE_M, CELL_M = 5.0, 0.1
+DISTANCE_M, CELL_M = 5.0, 0.05
 #: A lamp on the axis along which it is asked about.
 AIMED = dict.fromkeys(("offset_x_m", "offset_y_m", "tilt_x_deg", "tilt_y_deg"), 0.0)
 RECEIVER = "receiver"
@@ -48,8 +49,9 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
     Raises
     ------
     SceneError
-        The lamp gives no light in its bands.
+        The lamp gives no light in its bands, or a pencil beam, which has no formula.
     """
+    refuse_pencil(scene.lamp)
     refuse_unlit(scene)
     parts = scene.model_dump(mode="json", exclude_none=True)
     parts |= {

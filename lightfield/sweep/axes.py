@@ -68,6 +68,14 @@ def parse_axis(text: str, where: str = "range") -> Axis:
     path, equals, given = (part.strip() for part in text.partition("="))
     if not equals or not path or not given:
         raise UsageError("not a range", where=where, found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
+    if set(given) & set("[{"):
+        raise UsageError(
+            "lists and tables are varied in a plan file",
+            where=f"{where} {path}",
+            found=given,
+            rule=f"on the command line {FORMS}",
+            remedy="a plan file with a [[vary]] table: path, and values = [...] of these",
+        )
     parts = given.split(":")
     if len(parts) == 1:
         try:
@@ -310,12 +318,23 @@ def _as_declared(scene: Scene, path: str, value: Any) -> Any:
     """Floats for numbers, whole numbers where the parameter is one, tuples for lists."""
     if isinstance(value, list | tuple):
         return tuple(_as_declared(scene, path, part) for part in value)
+    if isinstance(value, str):
+        return _as_spelled(scene, path, value)
     if isinstance(value, bool) or not isinstance(value, int | float):
         return value
     current = None if path in COMPOUND else scene.get(path)
     if isinstance(current, int) and not isinstance(current, bool) and float(value).is_integer():
         return int(value)
     return float(value)
+
+
+def _as_spelled(scene: Scene, path: str, name: str) -> str:
+    """A name as the scene spells it, whatever the case it is written in."""
+    try:
+        found = scene.with_values({path: name}).get(path)
+    except LightfieldError:
+        return name  # refused where it is tried, or possible beside another axis alone
+    return found if isinstance(found, str) and found.lower() == name.lower() else name
 
 
 def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Scene:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from lightfield.scene import Scene
-from lightfield.scene.bands import molecular_share
 from lightfield.sweep.axes import Axis, apply
 
 
@@ -69,8 +68,3 @@ class Cases:
             for axis, n in zip(self.axes, steps, strict=True)
             for path, value in axis.at(n).items()
         }
-
-    def molecular_share(self, number: int) -> float:
-        """Molecular part of the scattering in the water of a case; most sweeps need no scene to tell it."""
-        pure = self.scene.water.base == "pure" or any("water.base" in axis.values for axis in self.axes)
-        return molecular_share(self.build(number, validate=False)) if pure else 0.0

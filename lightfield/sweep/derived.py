@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.formula.cells import along_a_side, axis_cells, cell_mean
 from lightfield.formula.closed_form import direct_field, lamps_of_window, light_of_point
 from lightfield.formula.own_formulas import factor, has_colours_of_its_own, lit
 from lightfield.formula.path import optical_depth, rays
-from lightfield.maps.cells import along_a_side, axis_cells, cell_mean
-from lightfield.maps.sharper import itself, without_cells
+from lightfield.maps.sharper import at_the_axis, itself, without_cells
 from lightfield.maps.spot import ENOUGH_PIXELS, PARTS_OF_PEAK, Spot, spot_shape
 from lightfield.render.response.grid import Grid, cell_centres
 from lightfield.scene import Lamp, Scene, Water
@@ -61,7 +61,7 @@ class GridFormula:
             return None
         scene, sources = lit(scene), list[tuple[Lamp, Callable[[float], Array]]]()
         finer = _in_parts(grid, scene.lamp)
-        for point, share in lamps_of_window(scene.lamp, grid.z_m):
+        for point, share in lamps_of_window(scene.lamp, grid.z_m, scene.detector):
             light = partial(_in_clear_water, scene, finer, point, share)
             if not has_colours_of_its_own(scene):
                 light = partial(_always, light())
@@ -206,9 +206,13 @@ def derive(
     images = 1.0 if merged is None else np.bincount(merged.ravel())[merged]
     known = np.where(np.isfinite(stderr), stderr, 0.0) * np.sqrt(images)
     axis, model = _mean_of(mean, near), None if formula is None else _mean_of(formula, near)
-    if places is not None and model is not None:
-        axis, model = axis + np.where(axis > 0, places.axis - model, 0.0), places.axis
     axis_error = np.sqrt(_mean_of(images * stderr**2, near) / np.maximum(near.sum((-2, -1)), 1))
+    if places is not None and model is not None and formula is not None:
+        top, top_error = _beside_straight(mean - formula, stderr * np.sqrt(images), grid, lamp)
+        there, lit_up = np.isfinite(top), axis > 0
+        rest = np.where(there, top, axis - model)
+        axis, model = np.where(lit_up, places.axis + rest, axis), places.axis
+        axis_error = np.where(there & lit_up, top_error, axis_error)
     area = grid.pitch_x_m * grid.pitch_y_m
     power, power_error = np.nansum(mean, (-2, -1)) * area, np.sqrt((known**2).sum((-2, -1))) * area
     spots = [half_width(mean[at], known[at], grid) for at in np.ndindex(axis.shape)]
@@ -234,6 +238,19 @@ def derive(
                 result[f"formula_error_{name}"] = ratio - 1
                 result[f"formula_error_{name}_stderr"] = np.where(render > 0, ratio * error / render, np.nan)
     return result
+
+
+def _beside_straight(rest: Array, stderr: Array, grid: Grid, lamp: Lamp) -> tuple[Array, Array]:
+    """Light that is not straight, and its error, on the lamp's axis, shape (n_bands, n_planes); see
+    `at_the_axis`."""
+    found = np.full((2, *rest.shape[:2]), np.nan)
+    places = list(zip(*axis_at(lamp, grid.z_m), strict=True))
+    met = np.flatnonzero(_on_axis(grid, lamp).any((-2, -1))).tolist()
+    for band in range(len(rest)):
+        for plane in met:
+            cells = rest[band, plane], stderr[band, plane], grid.x_m, grid.y_m
+            found[:, band, plane] = at_the_axis(*cells, places[plane])
+    return found[0], found[1]
 
 
 def _on_axis(grid: Grid, lamp: Lamp) -> NDArray[np.bool_]:

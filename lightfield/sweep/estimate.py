@@ -57,7 +57,8 @@ def as_text(plan: SweepPlan) -> str:
     axes = " x ".join(f"{axis.name} ({axis.size})" for axis in cases.axes)
     lines = [f"cases: {cases.count} = {axes}"]
     if plan.problems:
-        lines.append(f"       {len(plan.problems)} of them are impossible and will be recorded as failed")
+        are = "is" if len(plan.problems) == 1 else "are"
+        lines.append(f"       {len(plan.problems)} of them {are} impossible and will be recorded as failed")
     each = (cases.count - len(plan.problems)) / max(1, len(plan.traces))
     lines.append(f"traces: {len(plan.traces)}, {each:.4g} cases evaluated from each")
     for trace, own in zip(plan.traces[:_SHOWN], _own_values(plan), strict=True):

@@ -22,7 +22,7 @@ from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import acts_on, only
-from lightfield.scene.bands import middles_nm
+from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.sweep.axes import COMPOUND, Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
@@ -159,8 +159,10 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> SweepP
         )
     transport = _transport(cases)
     waters, problems = _waters(cases, list(transport))
-    far = np.array([grid.z_m.max() for grid in grids])[_combination(cases, grid_axes)]
-    traces, trace_of_case = _traces(cases, settings, transport, far, waters, problems)
+    of_grid = _combination(cases, grid_axes)
+    far = np.array([grid.z_m.max() for grid in grids])[of_grid]
+    chord = np.array([_chord_m(scene) for _, scene in cases.subset(grid_axes)])[of_grid]
+    traces, trace_of_case = _traces(cases, settings, transport, far, chord, waters, problems)
     bands = len(scene.detector.bands_nm)
     limit = int(np.clip(BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
     chunks = _chunks(cases.shape, list(transport), limit)
@@ -247,7 +249,8 @@ def _key(scene: Scene) -> str:
 
 
 def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, str]]:
-    """Least absorption, most scattering, wall albedo, surface reflectance of cases, shape (n_cases, 4)."""
+    """Least absorption, most scattering, wall albedo, surface reflectance of cases, and the molecular part of
+    the scattering, shape (n_cases, 5)."""
     numbers = np.arange(cases.count).reshape(cases.shape)
     problems: dict[int, str] = {}
     # Checking every case takes long: where a trace is possible, single cases are checked when evaluated.
@@ -255,12 +258,12 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
         alike = numbers[_where(cases, transport, steps)].ravel()
         if why_impossible(cases, int(alike[0])):
             problems |= {int(n): problem for n in alike if (problem := why_impossible(cases, int(n)))}
-    table = np.zeros((*cases.shape, 4))
+    table = np.zeros((*cases.shape, 5))
     # Water and walls apart: where both vary, each has far fewer values than there are cases.
     water = Acts.ABSORPTION | Acts.SCATTERING | Acts.BASE | Acts.COLOUR | Acts.PLACES
     for columns, what, values_of in (
-        (slice(0, 2), water, _coefficients),
-        (slice(2, 4), Acts.REFLECTION, lambda scene: scene.reflectances),
+        ([0, 1, 4], water, _coefficients),
+        ([2, 3], Acts.REFLECTION, lambda scene: scene.reflectances),
     ):
         axes = _axes_on(cases, what)
         for steps, scene in cases.subset(axes):
@@ -271,7 +274,7 @@ def _waters(cases: Cases, transport: list[int]) -> tuple[np.ndarray, dict[int, s
                 problem = one_line(error)
                 for number in numbers[where].ravel():
                     problems.setdefault(int(number), problem)
-    return table.reshape(-1, 4), problems
+    return table.reshape(-1, 5), problems
 
 
 def _where(cases: Cases, axes: list[int], steps: tuple[int, ...]) -> tuple[slice | int | EllipsisType, ...]:
@@ -282,10 +285,18 @@ def _where(cases: Cases, axes: list[int], steps: tuple[int, ...]) -> tuple[slice
     return (*at, ...)
 
 
-def _coefficients(scene: Scene) -> tuple[float, float]:
+def _coefficients(scene: Scene) -> tuple[float, float, float]:
     wavelengths = middles_nm(scene).ravel()
     a, b = absorption_per_m(scene.water, wavelengths), scattering_per_m(scene.water, wavelengths)
-    return float(a.min()), float(b.max())
+    return float(a.min()), float(b.max()), molecular_share(scene)
+
+
+def _chord_m(scene: Scene) -> float:
+    """Mean way from wall to wall, m: four times the volume over the surface; 0 in open water."""
+    if scene.tank is None:
+        return 0.0
+    x, y, z = (high - low for low, high in scene.tank.box_m)
+    return 2 / (1 / x + 1 / y + 1 / z)
 
 
 def why_impossible(cases: Cases, number: int) -> str:
@@ -302,6 +313,7 @@ def _traces(
     settings: SweepSettings,
     transport: dict[int, list[Changes]],
     far_m: np.ndarray,
+    chord_m: np.ndarray,
     waters: np.ndarray,
     problems: dict[int, str],
 ) -> tuple[tuple[Trace, ...], np.ndarray]:
@@ -319,10 +331,9 @@ def _traces(
     for steps, left in zip(steps_of, np.split(ordered, starts[1:]), strict=False):
         key = f"{as_it_is} {sorted(pair for i, told in transport.items() for pair in told[steps[i]])}"
         while len(left):
-            members, left = served_together(left, waters, far_m)
+            members, left = served_together(left, waters, far_m, chord_m)
             trace_of_case[members] = len(traces)
-            molecules = cases.molecular_share(int(members[waters[members, 1].argmax()]))
-            reference = common_reference(waters[members], molecules)
+            reference = common_reference(waters[members])
             seed = _seed(f"{settings.seed} {key} {reference}", taken)
             traces.append(Trace(len(traces), int(members[0]), reference, seed, len(members)))
     return tuple(traces), trace_of_case

@@ -29,7 +29,7 @@ from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
-from lightfield.scene.bands import PIECES, over_bands
+from lightfield.scene.bands import over_bands, pieces
 from lightfield.scene.lamp.colour import REFERENCE_NM, in_colour
 from lightfield.scene.water.coefficients import coefficients_in, is_grey
 from lightfield.storage.tables import kept_by_tables
@@ -309,7 +309,7 @@ def _by_itself(
 def _evaluations(scene: Scene) -> tuple[int, int]:
     """How many bands, and wavelengths in each, are evaluated: one where all are alike."""
     grey = is_grey(scene.water) and not has_own_straight_light(scene)
-    return (1, 1) if grey else (len(scene.detector.bands_nm), PIECES)
+    return (1, 1) if grey else (len(scene.detector.bands_nm), pieces(scene))
 
 
 def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str]) -> list[tuple[int, Scene]]:

@@ -43,7 +43,9 @@ class OfColours:
         if part == "all":
             asked = wavelengths_nm, a, b, albedo, surface, hardening
             (straight, error), (rest, noise) = (self.evaluate(*asked, p) for p in ("direct", "diffuse"))
-            return straight + rest, np.hypot(error, noise)
+            # Where nothing was scattered its error is not known: none is told where straight light is.
+            told = np.isfinite(noise) | ~((rest == 0) & (straight > 0))
+            return straight + rest, np.hypot(error, np.where(told, noise, 0.0))
         each = [r.evaluate(a, b, albedo, surface, hardening=hardening, part=part) for r in self.responses]
         means, errors = (np.array(v) for v in zip(*each, strict=True))
         shares = self._shares(wavelengths_nm).reshape(len(each), -1, *(1,) * (means.ndim - 2))

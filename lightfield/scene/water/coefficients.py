@@ -135,7 +135,7 @@ def coefficients_in(water: Water, wavelength_nm: ArrayLike, molecular_share: flo
         Part of the traced scattering coefficient that is molecular.
     """
     a, b = absorption_per_m(water, wavelength_nm), scattering_per_m(water, wavelength_nm)
-    if not molecular_share:
+    if not molecular_share and water.base != "pure":
         return a, b
     weight = forward_weight(phase_function(water.phase))
     counted = b - (1 - weight) * molecular_per_m(water, wavelength_nm)

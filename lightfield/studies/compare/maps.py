@@ -17,13 +17,13 @@ from scipy.ndimage import gaussian_filter
 
 from lightfield.arrays import Array, finite
 from lightfield.errors import UsageError
+from lightfield.formula.cells import along_a_side, cell_mean, pitch_m
 from lightfield.formula.closed_form import direct_field
 from lightfield.formula.own_formulas import lit
-from lightfield.maps.cells import along_a_side, cell_mean, pitch_m
-from lightfield.maps.sharper import Field, itself, sharpened
+from lightfield.maps.sharper import Field, at_the_axis, itself, sharpened
 from lightfield.maps.spot import Spot, smoothed, spot_shape
 from lightfield.scene import Scene
-from lightfield.scene.bands import BandLight, at_wavelengths, over_band
+from lightfield.scene.bands import BandLight, at_wavelengths, over_band, pieces
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
 from lightfield.scene.lamp.frame import axis_at
 from lightfield.studies.compare.rings import (
@@ -127,8 +127,11 @@ class PlaneComparison:
         return render, np.sqrt(narrow) / weight, formula
 
     def told_on_axis(self, level: float) -> int:
-        """How the error on the lamp's axis, averaged over neighbouring cells, stands to a level: see
-        `standing`."""
+        """How the error on the lamp's axis stands to a level, see `standing`; where that is open, how its
+        average over neighbouring cells does."""
+        there = int(standing(self.axis.render, self.axis.stderr, self.axis.formula, level)[0])
+        if there != OPEN:
+            return there
         x, y = self.axis_m
         at = np.argmin(np.abs(self.y_m - y)), np.argmin(np.abs(self.x_m - x))
         render, stderr, formula = (np.atleast_1d(v[at]) for v in self._smooth())
@@ -154,8 +157,11 @@ class PlaneComparison:
         """The same, axis and widths without what cells make of them: by the formula at places."""
         sharp = itself(field, self.formula_spot)
         there = field(*(np.array([at]) for at in self.axis_m)) + 0 * self.axis.formula
-        more = np.where(self.axis.render > 0, there - self.axis.formula, 0.0)
-        axis = replace(self.axis, render=self.axis.render + more, formula=there)
+        rest, error = at_the_axis(self.render - self.formula, self.stderr, self.x_m, self.y_m, self.axis_m)
+        if not (meets(self.x_m, self.y_m, self.axis_m) and np.isfinite(rest)):
+            rest, error = float((self.axis.render - self.axis.formula)[0]), float(self.axis.stderr[0])
+        render = np.where(self.axis.render > 0, there + rest, self.axis.render)
+        axis = replace(self.axis, render=render, stderr=np.array([error]), formula=there)
         spot = sharpened(self.render_spot, self.formula_spot, sharp)
         return replace(self, axis=axis, render_spot=spot, formula_spot=sharp)
 
@@ -252,7 +258,7 @@ def compare(dataset: xr.Dataset, formula: Formula | None = None) -> Comparison:
         spectrum = BandLight(*(v[0] for v in at_wavelengths(scene.lamp, [wavelength])))
         if "wavelength_bounds_nm" in dataset:  # the map is a mean over the band: so is the formula
             low, high = dataset["wavelength_bounds_nm"].values[index] + scene.detector.wavelength_shift_nm
-            spectrum = over_band(scene.lamp, low, high, scene.detector)
+            spectrum = over_band(scene.lamp, low, high, scene.detector, pieces(scene))
         for number, z in enumerate(dataset.z_m.values.astype(float)):
             field = partial(_on_a_plane, formula, scene, z, spectrum)
             expected = on_cells(formula, scene, x, y, z, spectrum)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.maps.cells import axis_cells, pitch_m
+from lightfield.formula.cells import axis_cells, pitch_m
 
 #: Relative errors of the formula.
 ERROR_LEVELS = (0.05, 0.10)

@@ -156,7 +156,7 @@ def test_what_was_made_good_is_said(scene: Path, store: Path, capsys: pytest.Cap
     assert run(scene, store) == 0
     output = capsys.readouterr().out
     assert "1 damaged files were made good: plane_power/0.0.0.0.0" in output
-    assert "1 traced" in output and "6 were there already" in output
+    assert "2 traced" in output and "6 were there already" in output
 
 
 def test_a_damaged_plan_without_a_journal_is_refused(

@@ -100,7 +100,7 @@ def test_in_clear_water_and_black_walls_the_formula_is_exact(store: Path) -> Non
 
 
 def test_on_the_axis_is_the_light_there_and_not_that_of_its_cell(store: Path) -> None:
-    """Scattered light as the cell has it, straight light itself; the formula is the closed form.
+    """Straight light itself, and scattered light as its cells tell its top; the formula is the closed form.
 
     The cell of 0.13 m is a little darker than its centre: (0.133 / 0.27)^2 ln2 / 6 = 3 % at 4 m.
     """
@@ -114,7 +114,9 @@ def test_on_the_axis_is_the_light_there_and_not_that_of_its_cell(store: Path) ->
         itself = float(closed_form(scene, np.zeros(1), np.zeros(1), np.full(1, z), blue)[0])
         cell = float(on_cells(closed_form, scene, x, y, z, blue)[4, 4])
         found, map_there = float(case.on_axis_irradiance[0, k]), float(case.irradiance[0, k, 4, 4])
-        assert found - map_there == pytest.approx(itself - cell, rel=0.01)
+        # Scattered light of the middle cell, and its top.
+        below, above = map_there - cell, found - itself
+        assert 1.0 < above / below < 1.3
         assert (1 + float(case.formula_error_on_axis[0, k])) * found == pytest.approx(itself, rel=1e-6)
         assert 0.02 < itself / cell - 1 < 0.2
 

@@ -39,3 +39,20 @@ def test_a_window_wider_than_its_spot_is_all_of_it(
     light = direct_field(Scene.from_dict({"lamp": lamp}), x, 0 * x, np.full(x.size, z_m))
     right = integrated(x, z_m, hwhm_deg, radius_m, exponent)
     assert np.abs(light - right).max() < 1e-3 * right[0]
+
+
+@pytest.mark.parametrize(
+    ("z_m", "radius_m"), [(3.0, 0.12), (5.0, 0.12), (6.0, 0.12), (1.3, 0.03), (1.5, 0.03)]
+)
+def test_a_collimator_sees_the_part_of_a_window_in_its_cone(z_m: float, radius_m: float) -> None:
+    """On the axis it is a disc of the radius z tan(1 degree): its light over the cone's solid angle."""
+    detector = {"quantity": "radiance", "full_angle_deg": 2.0}
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 8.0, "radius_m": radius_m}, "detector": detector})
+    half = np.radians(1.0)
+    seen = min(z_m * np.tan(half), radius_m)
+    s = (np.arange(4000) + 0.5) / 4000 * seen
+    r = np.hypot(s, z_m)
+    light = 0.5 ** ((np.degrees(np.arctan(s / z_m)) / 8.0) ** 2) / r**2
+    expected = (light * 2 * s).sum() * (seen / 4000) / radius_m**2 / (2 * np.pi * (1 - np.cos(half)))
+    found = direct_field(scene, *(np.array([v]) for v in (0.0, 0.0, z_m)))[0]
+    assert found == pytest.approx(expected, rel=0.02)

@@ -162,3 +162,11 @@ def test_a_slab_that_is_stated_nowhere_is_in_the_tank() -> None:
     assert "layer_centre_m" not in short.to_toml() and Scene.from_toml(short.to_toml()) == short
     assert short.with_values({"tank.length_m": 12.0}) == long
     assert short.with_values({"water.layer_centre_m": 1.0}).water.layer_centre_m == 1.0
+
+
+def test_a_surface_that_sends_nothing_back_is_refused() -> None:
+    """In its place stood a lid as bright as the walls."""
+    with pytest.raises(SceneError, match="sends nothing back"):
+        scene_of({"surface": "flat", "surface_reflectance": 0.0})
+    lid = scene_of({"surface": "flat"}).with_values({"tank.surface_reflectance": 0.0})
+    assert lid.tank is not None and lid.tank.surface == "none"

@@ -12,7 +12,7 @@ from perturbed import FIELDS, changed, scenes_of_every_field
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.response.grid import scene_grid
 from lightfield.scene import Scene
-from lightfield.scene.bands import over_band, over_bands
+from lightfield.scene.bands import over_band, over_bands, pieces
 from lightfield.scene.parameters import Parameter
 from lightfield.studies.compare.maps import closed_form, on_cells
 from lightfield.sweep.derived import GridFormula
@@ -69,7 +69,7 @@ def both(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     assert formula is not None
     whole = []
     for low, high in np.array(scene.detector.bands_nm) + scene.detector.wavelength_shift_nm:
-        at = over_band(scene.lamp, low, high, scene.detector)
+        at = over_band(scene.lamp, low, high, scene.detector, pieces(scene))
         whole.append([on_cells(closed_form, scene, grid.x_m, grid.y_m, z, at) for z in grid.z_m])
     return formula.bands(scene), np.array(whole)
 

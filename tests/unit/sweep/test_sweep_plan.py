@@ -70,7 +70,7 @@ def test_beam_phase_function_geometry_and_receiver_need_one(text: str) -> None:
 
 def test_the_reference_is_clearest_in_absorption_and_most_turbid_in_scattering() -> None:
     plan = planned(
-        "water.absorption_per_m=0.05:0.5:4", "water.scattering_per_m=0:0.3:4", "tank.wall_albedo=0,0.6"
+        "water.absorption_per_m=0.05:0.5:4", "water.scattering_per_m=0.1:0.3:3", "tank.wall_albedo=0,0.6"
     )
     (trace,) = plan.traces
     reference = trace.reference
@@ -259,7 +259,7 @@ def test_the_plan_says_what_it_will_do() -> None:
     text = as_text(planned("water.scattering_per_m=0:0.3:5", "tank.wall_albedo=0,0.5"))
     for part in (
         "cases: 10 = water.scattering_per_m (5) x tank.wall_albedo (2)",
-        "traces: 1",
+        "traces: 2",
         "memory",
         "store",
     ):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lightfield.formula.cells import along_a_side, axis_cells, cell_mean, pitch_m
 from lightfield.formula.closed_form import direct_field
 from lightfield.formula.scattered.quadrature import in_cell
-from lightfield.maps.cells import along_a_side, axis_cells, cell_mean, pitch_m
 from lightfield.scene import Scene
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
+from lightfield.formula.own_formulas import on_path
 from lightfield.formula.scattered.quadrature import Quadrature, finest_rad, interval
 from lightfield.scene import Detector, Lamp, Scene
 from lightfield.scene.lamp.frame import narrowest_section
@@ -20,6 +21,9 @@ _SMOOTH, _MOST, _TO_AN_EDGE = 3, 80, 16
 #: A Gaussian takes so many points for each of its standard deviations along a side, and two more, to 2e-4
 #: (test_cells.py); inverse square and cosine are as smooth as one of this part of the distance.
 _PER_WIDTH, _OF_DISTANCE = 1.15, 0.5
+#: Along a side at least where a formula of the user's own acts, whose scale nobody knows: a dip a quarter of
+#: a cell wide is right to 1 %.
+_OF_FORMULAS = 12
 #: Points of all cells of a plane, where that is more than `_MOST` along each side of each.
 _MOST_POINTS = 4_000_000
 
@@ -48,7 +52,8 @@ def along_a_side(scene: Scene, z_m: float, pitch_m: float, cells: int) -> Quadra
     """
     spot = pitch_m / _finest_m(scene.lamp, z_m)
     most = max(_MOST, math.isqrt(_MOST_POINTS // cells))
-    smooth = int(np.clip(math.ceil(_PER_WIDTH * spot) + 2, _SMOOTH, most))
+    least = _OF_FORMULAS if on_path(scene) else _SMOOTH
+    smooth = int(np.clip(math.ceil(_PER_WIDTH * spot) + 2, least, max(most, least)))
     if (seen := _seen_m(scene.detector, z_m)) is None:
         return _gauss(smooth)
     edge = math.ceil(_TO_AN_EDGE * pitch_m / seen)
