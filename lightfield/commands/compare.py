@@ -15,6 +15,7 @@ from lightfield.commands.shared.options import add_option, given
 from lightfield.commands.shared.progress import progress_of
 from lightfield.diagnosis import ledger
 from lightfield.errors import UsageError
+from lightfield.formula.closed_form import refuse_pencil
 from lightfield.readings import Readings, read_table
 from lightfield.render.limits import AT_READINGS
 from lightfield.render.maps import render_scene
@@ -71,6 +72,13 @@ def run(args: argparse.Namespace) -> int:
             rule="--with, --effects-file, --solver, --no-trace and --fit-json belong to readings",
             remedy=f"lightfield compare DATA.csv --scene {args.what if kind == '.toml' else 'SCENE.toml'}",
         )
+    if args.what.is_dir():
+        raise UsageError(
+            "a folder is neither a scene nor maps",
+            where=str(args.what),
+            rule="SCENE.toml, MAPS.nc, or DATA.csv with --scene",
+            remedy=f"of a sweep: lightfield show {args.what}; of a render: its maps.nc",
+        )
     if kind == ".nc":
         return _maps(args)
     return _scene(args)
@@ -85,6 +93,7 @@ def _scene(args: argparse.Namespace) -> int:
             rule="render and formula are compared on planes",
             remedy="give planes_m instead of positions_m; `lightfield render` takes positions",
         )
+    refuse_pencil(scene.lamp)
     from lightfield.maps.dataset import to_dataset
 
     with locked_folder(args.output or Path("compare")) as folder:

@@ -154,11 +154,12 @@ def _settings(args: argparse.Namespace, planned: dict[str, Any]) -> SweepSetting
 
 def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
     """What was done, and how much less that was than tracing each case."""
-    lines = [
-        f"{path}: {plan.cases.count} cases from {len(plan.traces)} traces, {byte_size(size_on_disk(path))}"
-    ]
+    cases, traces = (
+        f"{n} {word}{'s' * (n != 1)}" for n, word in ((plan.cases.count, "case"), (len(plan.traces), "trace"))
+    )
+    lines = [f"{path}: {cases} from {traces}, {byte_size(size_on_disk(path))}"]
     if done.failed:
-        lines.append(f"{done.failed} cases failed: `message` in the store says why")
+        lines.append(f"{done.failed} case{'s' * (done.failed != 1)} failed: `message` in the store says why")
     if done.again:
         lines.append(f"{done.again} of them may do with more memory: the same sweep continues")
     if done.repaired:

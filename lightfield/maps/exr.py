@@ -226,6 +226,7 @@ def _header(image: SpectralImage) -> dict[str, object]:
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "chromaticities": CHROMATICITIES,
+        "pixelAspectRatio": size[0] / size[1] if min(size) > 0 else 1.0,
         "spectralLayoutVersion": LAYOUT_VERSION,
         "emissiveUnits": image.units,
         OURS + "plane_z_m": np.array([image.z_m]),

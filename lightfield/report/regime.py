@@ -44,7 +44,7 @@ def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
         axes[-1].set_xlabel("optical thickness c z")
         colours_named(fig, narrow)
         gap, then = ("\n", "\n") if narrow else (" ", "; ")
-        title = f"Error of Gaussian × inverse square × Beer-Lambert{gap}on the axis, in %"
+        title = f"Error of beam × inverse square × Beer-Lambert{gap}on the axis, in %"
         if undecided(error, stderr).any():
             title += f"{then}?: noise leaves the colour open"
         fig.suptitle(title, x=0.01, ha="left", fontsize=9.5, color=MUTED)

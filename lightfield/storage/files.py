@@ -12,7 +12,7 @@ import stat
 import tempfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from lightfield.errors import OutputError
@@ -61,6 +61,7 @@ def locked_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     OutputError
         As `output_folder`, or another command is writing there.
     """
+    made = not Path(path).exists()
     folder = output_folder(path)
     handle = os.open(folder, os.O_RDONLY)
     try:
@@ -76,6 +77,11 @@ def locked_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         except OSError:
             pass
         yield folder
+    except BaseException:
+        if made:
+            with suppress(OSError):  # what was written stays, with its folder
+                folder.rmdir()
+        raise
     finally:
         os.close(handle)
 

@@ -63,7 +63,7 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
         bar.set_label(f"{plain(quantity)}, 100 % in {SHORT_UNITS.get(units, units)}", fontsize=9)
         other.set_label("error of the formula", fontsize=9)
         drawn = f"{n} of {there} planes. " if n < there else ""
-        gap = "\n" if narrow else " "
+        gap = "\n" if narrow or n < 3 else " "
         fig.supxlabel(
             f"{drawn}Contours: error beyond 5 % (dashed){gap}and 10 % (solid) after {SIGMAS:g} "
             "standard errors of noise",

@@ -144,7 +144,7 @@ def test_nothing_half_written_is_left_and_the_next_run_works(place, monkeypatch,
         assert len(message.splitlines()) == 1 and "Traceback" not in message
         assert not [name for name in files_in(place / "out") if name.startswith(".") or "/" in name]
     # What stands under a final name is complete: it opens, and every pixel has its value and error.
-    for name in (file.name for file in (place / "out").iterdir() if file.is_file()):
+    for name in (file.name for file in (place / "out").glob("*") if file.is_file()):
         assert name == "maps.nc" and stage == "image", f"{name} was written before the render was done"
         complete(place / "out")
     assert stage in ("result", "image") or not entries(place)

@@ -85,6 +85,7 @@ def test_openexr_sees_the_top_row_first_and_the_layout_header(file):
     assert bottom_right == np.float32(1e-6 * (1 + 2 + 0.04)), "bottom right is -y, +x"
     assert header["spectralLayoutVersion"] == "1.0"
     assert header["emissiveUnits"] == "W.m^-2.nm^-1"
+    assert header["pixelAspectRatio"] == pytest.approx(0.5 / 0.2)
     assert header["S0.525,000000nm"] == "500nm:1;550nm:1;"
 
 

@@ -28,6 +28,8 @@ RIVAL_STARTS = 32
 #: Readings so many times brighter than the space allows are in another unit: the lamp's power, or the gain,
 #: is hardly known worse.
 _FAR_BRIGHTER = 10.0
+#: Errors of less are told as this in a sentence of centimetres.
+_LEAST_TOLD_M = 0.01
 #: Samples that a text shows.
 SHOWN = 12
 
@@ -112,7 +114,7 @@ class Poses:
         time, pose, total = seen[-1]
         at = f"At {time:.1f} s " if len(self.estimates) > 1 else ""
         told = " and ".join(
-            f"{minus(f'{value:.2f}')} ± {total.sigma[name]:.2f} m {where}"
+            f"{minus(f'{value:.2f}')} ± {max(total.sigma[name], _LEAST_TOLD_M):.2f} m {where}"
             for name, value, where in (("z", pose[2], "along the beam"), ("x", pose[0], "aside"))
         )
         return f"{at}{told}. "
