@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lightfield.report.page import Section, Table, page_figure, study_page
-from lightfield.report.style import BAD, DASH, INK, SERIES, banded, label, legend_below, panels
+from lightfield.report.style import BAD, DASH, INK, SERIES, banded, label, legend_below, panels, say_why_empty
 from lightfield.studies.compare.rings import SIGMAS
 from lightfield.studies.link.study import Link
 from lightfield.studies.link.text import (
@@ -103,7 +103,7 @@ def arrival_figure(found: Link, narrow: bool = False) -> Figure:
         if np.isfinite(data.bandwidth_hz).any():
             right.set_yscale("log")
         else:
-            right.text(0.5, 0.5, "no limit at these distances", ha="center", transform=right.transAxes)
+            say_why_empty(right, "no limit at these distances")
             right.set(xticks=[], yticks=[])
         legend_below(fig, left, title="lines; dashed: exp(−cz)")
     return fig

@@ -222,6 +222,11 @@ def label(axes: Axes, x: str, y: str, title: str = "") -> None:
         axes.set_title(title)
 
 
+def say_why_empty(axes: Axes, why: str) -> None:
+    """In a panel that has nothing to show, why."""
+    axes.text(0.5, 0.5, why, ha="center", va="center", fontsize=9, color=MUTED, transform=axes.transAxes)
+
+
 def banded(
     axes: Axes,
     x: Array,

@@ -24,12 +24,17 @@ from lightfield.report.style import (
     figure,
     label,
     percent_axis,
+    say_why_empty,
 )
 from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.results import axes_of
 from lightfield.wording import capital, plain
 
 MOST_LINES, MOST_TILES, FEW_TILES = 6, 5, 2
+#: Letters of a note to an inch.
+_LETTERS = 14
+#: Of a number that no case has.
+_UNTOLD = "not told of any case:\na spot without an edge on the plane,\nor of too few cells"
 
 
 def figures_of(data: xr.Dataset) -> dict[str, Callable[..., Figure]]:
@@ -67,6 +72,11 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
             variable = held[name]
             unit = SHORT_UNITS.get(variable.attrs.get("units", ""), variable.attrs.get("units", ""))
             label(axis, "", unit if unit != "1" else "", panels[name])
+            if not any(np.isfinite(line.get_ydata()).any() for line in axis.lines):
+                say_why_empty(axis, _UNTOLD)
+                # Its scale of steps is that of the panels beside it.
+                axis.set_yticks([])
+                continue
             if name.startswith("formula_error"):
                 axis.axhline(0, color=MUTED, linewidth=0.8)
                 percent_axis(axis.yaxis)
@@ -257,8 +267,11 @@ def _step_name(data: xr.Dataset, name: str, step: int) -> str:
 
 
 def _text_ticks(axis: Axes, data: xr.Dataset, name: str) -> None:
-    if data[name].dtype.kind not in "fi":
-        axis.set_xticks(range(data.sizes[name]), [str(v) for v in data[name].values])
+    values = data[name].values
+    if values.dtype.kind not in "fi":
+        axis.set_xticks(range(len(values)), [str(v) for v in values])
+    elif values.dtype.kind == "i":
+        axis.set_xticks(values[evenly(len(values), MOST_LINES)])
 
 
 def _spans_a_decade(axes: Axes) -> bool:
@@ -277,6 +290,4 @@ def _is_log(values: np.ndarray) -> bool:
 
 def _note(fig: Figure, parts: Sequence[str]) -> None:
     text = "; ".join(part for part in parts if part)
-    if fig.get_figwidth() < WIDTH / 2:
-        text = fill(text, 56)
-    fig.suptitle(text, x=0.01, ha="left", fontsize=9, color=MUTED)
+    fig.suptitle(fill(text, int(_LETTERS * fig.get_figwidth())), x=0.01, ha="left", fontsize=9, color=MUTED)

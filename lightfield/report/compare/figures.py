@@ -28,6 +28,7 @@ from lightfield.report.style import (
     label,
     percent_axis,
     plain_log_axis,
+    say_why_empty,
 )
 from lightfield.studies.compare.maps import PlaneComparison
 from lightfield.studies.compare.rings import ERROR_LEVELS, SIGMAS
@@ -159,6 +160,8 @@ def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fi
             upper.set_yscale("log")
             upper.set_ylim(1e-3, 1.6)
             upper.set_title(f"z = {plane.z_m:g} m")
+            if len(profile.r_m) < 2:
+                say_why_empty(upper, "no two rings of cells about\nthe axis lie on the plane")
             with np.errstate(divide="ignore", invalid="ignore"):
                 ratio = np.where(profile.render > 0, profile.formula / profile.render, np.nan)
                 noise = np.where(profile.render > 0, ratio * band / profile.render, np.nan)
@@ -215,9 +218,13 @@ def _half_widths(axis: Axes, z: Array, planes: Sequence[PlaneComparison]) -> Non
         axis.errorbar(z, along_x, error, marker="o", label=f"{name}, x", **drawn)
         if np.nanmax(np.abs(along_y / along_x - 1), initial=0) > 0.02:
             axis.plot(z, along_y, marker="^", alpha=0.6, label=f"{name}, y", **drawn)
+    label(axis, "z (m)", "half width at half maximum (m)", "Width of the spot")
+    if not np.isfinite([p.render_spot.hwhm_x_m for p in planes]).any():
+        say_why_empty(axis, "the spot has no edge\non these planes,\nor too few cells")
+        axis.set(xticks=[], yticks=[])
+        return
     axis.set_ylim(bottom=0)
     axis.legend(loc="lower right")
-    label(axis, "z (m)", "half width at half maximum (m)", "Width of the spot")
 
 
 def _lacking_light(axis: Axes, z: Array, planes: Sequence[PlaneComparison]) -> None:

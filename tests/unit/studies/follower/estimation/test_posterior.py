@@ -91,18 +91,18 @@ def test_a_flat_array_knows_how_badly_it_knows_where_it_looks() -> None:
 
 
 def test_a_filter_over_a_flat_array_states_errors_that_hold() -> None:
-    """Mirrored poses and unlike elements do not average away; ten ways, told at three moments each."""
+    """Mirrored poses and unlike elements do not average away; seven ways, told at three moments each."""
     one, found = believer(FLAT, brightest=0.01, mismatch=0.008), []
-    for seed in range(10):
+    for seed in range(7):
         rng, tracker = np.random.default_rng(seed), Tracker(one)
         start = np.append(rng.uniform([-0.3, -0.2, 5.0, -0.15, -0.1], [0.3, 0.2, 8.0, 0.15, 0.1]), 0.0)
         unlike = (1 + 0.008 * rng.standard_normal(25)) * np.exp(0.05 * rng.standard_normal())
-        for k in range(30):
+        for k in range(24):
             turn = 0.1 * k * np.array([0.3, 0.2, 0.15, 0.25, 0.2, 0.0])
             pose = start + np.array([0.25, 0.1, 0.3, 0.08, 0.03, 0.0]) * np.sin(turn)
             light = one.model.readings(pose[None])[0] * unlike
             state = tracker.update(light + 0.01 * light.max() * rng.standard_normal(25), 0.1 * k)
-            if k in (14, 21, 29):
+            if k in (11, 17, 23):
                 found.append((state.pose - pose)[:5] / np.sqrt(np.diag(state.total)))
     size = np.sqrt((np.array(found) ** 2).mean(axis=0))
     assert (size < 1.5).all() and (size > 0.5).all(), size
