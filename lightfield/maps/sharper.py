@@ -52,8 +52,8 @@ def at_the_axis(
     """Light besides straight light where a beam's axis meets a plane, and its error, from the cells about it.
 
     It is highest there: as a parabola has it at least, as a cone has it at most, for scattered light has a
-    sharp top. Told is the middle, with half of what lies between as an error. NaN where too few cells are
-    about the axis, or too few photons.
+    sharp top. Told is the middle, with half of what lies between as an error; a slope across the plane does
+    not count. NaN where too few cells are about the axis, or too few photons.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ def at_the_axis(
     u, v = np.meshgrid(_PARTS * pitch_x, _PARTS * pitch_y)
     away = np.hypot(dx[near][:, None] + u.ravel(), dy[near][:, None] + v.ravel()) / np.hypot(pitch_x, pitch_y)
     counts = np.exp(-2 * (away**2).mean(axis=1))
-    tops = []
+    slopes, tops = (dx[near] / pitch_x, dy[near] / pitch_y), []
     for shape in (away**2, away):
-        columns = np.stack([np.ones(len(away)), shape.mean(axis=1)], axis=1)
+        columns = np.stack([np.ones(len(away)), shape.mean(axis=1), *slopes], axis=1)
         tops.append(np.linalg.pinv(columns * counts[:, None])[0] * counts)
     middle, between = 0.5 * (tops[1] + tops[0]), 0.5 * (tops[1] - tops[0])
     noise, of_between = (np.linalg.norm(weights * stderr[near]) for weights in (middle, between))

@@ -27,7 +27,7 @@ from lightfield.scene.water.coefficients import (
 #: a nanometre of a band.
 PIECES, _FINEST_NM = 5, 1.0
 #: Within a part the optical depth of the farthest plane changes by this at most: the light of the steepest is
-#: right to 4e-3 (the square over 24), that of a band to less (tests/physics/light/test_wide_bands.py).
+#: right to 4e-3 (the square over 24), that of a band to less (test_bands.py).
 _MOST_CHANGE = 0.3
 #: Part of a spectrum's peak that no instrument sees.
 _LEAST_LIT = 1e-12

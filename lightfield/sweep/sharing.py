@@ -24,7 +24,8 @@ MOST_SPREAD = 1.5
 # 0.4 |ln(b / b0)| (`open_ended`). It is most of all in dense water: there b may differ by a tenth.
 MOST_UNTOLD = 0.1
 # What molecules scatter is counted as forward scattering where a trace has fewer of them: of so many of a
-# photon's scatterings by the farthest plane. Cells are then wrong by a tenth of it, power on a plane by less.
+# photon's scatterings by the farthest plane. Cells are then wrong by a tenth of it, a third at worst, and
+# power on a plane by less.
 MOST_OTHER = 0.02
 # Most of what walls send on, for the length of light's way between them: a bound of the allowed albedo's.
 _WHITEST = 0.98

@@ -3,11 +3,9 @@
     F = J^T Sigma^-1 J + prior,        Sigma = noise + errors of the field
 
 J holds the derivatives of the readings by the pose and by what else is not known exactly (gain, water, the
-lamp's
-direction); the bound on the pose is the Schur complement of F (Kay 1993, Fundamentals of Statistical Signal
-Processing I, section 3). What the noise itself tells by its dependence on the pose is left out: 2 m^2 of the
-whole
-for a relative noise m. The bound is local: rivals far away are another question.
+lamp's direction); the bound on the pose is the Schur complement of F (Kay 1993, Fundamentals of Statistical
+Signal Processing I, section 3). What the noise itself tells by its dependence on the pose is left out: 2 m^2
+of the whole for a relative noise m. The bound is local: rivals far away are another question.
 """
 
 from __future__ import annotations

@@ -7,8 +7,7 @@ logarithm of a reading, 1 for that of the gain: light fades by an exponential, s
 what is believed.
 
 Levenberg's and Marquardt's search (Marquardt 1963, J. SIAM 11, 431), all starts side by side: the light of
-all of
-them is asked for in one call.
+all of them is asked for in one call.
 """
 
 from __future__ import annotations
@@ -122,9 +121,8 @@ def find_minima(
         own = of_logarithms(model.by_pose(poses, names), believed)
         if others:
             bent = np.einsum("snki,sk->sni", model.by_both(poses, names, others), far)
-            own += (
-                of_logarithms(bent, believed) - np.einsum("snk,sk->sn", by[..., gains:], far)[..., None] * own
-            )
+            along = np.einsum("snk,sk->sn", by[..., gains:], far)
+            own += of_logarithms(bent, believed) - along[..., None] * own
         return read[..., None] * np.concatenate([own, by], axis=2)
 
     going = np.ones(len(poses), bool)

@@ -44,3 +44,11 @@ def test_noise_of_the_cells_is_noise_of_the_top() -> None:
 def test_too_few_cells_tell_no_top() -> None:
     x = np.array([-0.5, 0.5])
     assert np.isnan(at_the_axis(np.ones((2, 2)), np.zeros((2, 2)), x, x, (0, 0))).all()
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.3])
+def test_a_slope_across_the_plane_is_no_part_of_the_top(aside: float) -> None:
+    """As of light from one wall, about an axis that is not in the middle of a cell."""
+    x = 0.1 * (np.arange(15) - 7 + aside)
+    cells = cell_mean(lambda x, y: 1 + 0.4 * x - 0.2 * y, x, x, 0.1, 0.1, SIDE)
+    assert at_the_axis(cells, 1e-9 * cells, x, x, (0, 0)) == pytest.approx((1.0, 0.0), abs=1e-6)

@@ -1,8 +1,7 @@
 """Which pose do these readings come from, how well is it known, and what else could it be?
 
 One reading at a time, by maximum likelihood over the light that the follower believes in; a sequence besides
-by a
-filter that knows that a vehicle does not jump (`tracking`).
+by a filter that knows that a vehicle does not jump (`tracking`).
 """
 
 from __future__ import annotations

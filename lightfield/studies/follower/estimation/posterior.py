@@ -190,7 +190,7 @@ class Reading:
             As `_by_nuisances` gives them near each.
         """
         poses = np.tile(best, (len(drawn), 1))
-        poses[:, self.at] = drawn
+        poses[:, self.at] = np.where(self._rolls, wrapped(drawn), drawn)
         believed = self.model.readings(np.clip(poses, *self.box))
         stated = np.array([float(sigma) ** -2.0 for sigma in self._unknown.values()])
         prior = np.maximum(stated, LEAST_INFORMATION)
