@@ -12,7 +12,7 @@ all of them is asked for in one call.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,16 +44,91 @@ class Minima:
     poses : array, shape (s, 6), m and rad
     gains : array, shape (s,)
     chi2 : array, shape (s,)
+    unknown : array, shape (s, k)
+        What was sought besides, the gain first.
     """
 
     poses: Array
     gains: Array
     chi2: Array
+    unknown: Array
 
     def best_first(self) -> Minima:
         """The same in the order of their chi2."""
         order = np.argsort(self.chi2, kind="stable")
-        return Minima(self.poses[order], self.gains[order], self.chi2[order])
+        return Minima(self.poses[order], self.gains[order], self.chi2[order], self.unknown[order])
+
+
+@dataclass(frozen=True)
+class Beforehand:
+    """What is known of gain, water and lamp before a reading.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The gain first; see `ArrayModel.slopes`.
+    mean, root : array, shape (k,) and (k, k), or of every start, (s, k) and (s, k, k)
+        root^T root is the inverse of their covariance.
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    root: Array
+
+    @classmethod
+    def of(cls, sigmas: Mapping[str, float]) -> Beforehand:
+        """About what is believed, each by itself."""
+        names = gain_first(sigmas)
+        root = np.diag(np.array([float(sigmas[name]) for name in names]) ** -1.0)
+        return cls(names, np.zeros(len(names)), root)
+
+
+def gain_first(names: Iterable[str]) -> tuple[str, ...]:
+    return tuple(sorted(names, key=lambda name: name != "gain"))
+
+
+@dataclass(frozen=True)
+class WithUnknowns:
+    """Readings where gain, water or lamp are not as a model believes.
+
+    Parameters
+    ----------
+    model : ArrayModel
+    names : tuple of str
+        Coordinates of the pose that are sought, n of them.
+    unknowns : tuple of str
+        What else is, k of them, the gain first; see `ArrayModel.slopes`.
+    """
+
+    model: ArrayModel
+    names: tuple[str, ...]
+    unknowns: tuple[str, ...]
+
+    @property
+    def _gain(self) -> int:
+        return int("gain" in self.unknowns)
+
+    def gains(self, unknown: Array) -> Array:
+        """Shape (s,), of unknowns of shape (s, k)."""
+        return np.asarray(np.exp(unknown[:, : self._gain].sum(axis=1)))
+
+    def read(self, poses: Array, unknown: Array) -> tuple[Array, Array]:
+        """Readings, shape (s, n_elements), and slopes of their logarithms, (s, n_elements, k)."""
+        believed = self.model.readings(poses)
+        by = of_logarithms(self.model.by_nuisances(poses, self.unknowns[self._gain :]), believed)
+        by = np.concatenate([np.ones((*believed.shape, self._gain)), by], axis=2)
+        return believed * np.exp(np.einsum("snk,sk->sn", by, unknown)), by
+
+    def slopes(self, poses: Array, unknown: Array, read: Array, by: Array) -> Array:
+        """Of the readings by pose and unknowns, shape (s, n_elements, n + k), from what `read` answers."""
+        others = self.unknowns[self._gain :]
+        believed, far = read * np.exp(-np.einsum("snk,sk->sn", by, unknown)), unknown[:, self._gain :]
+        own = of_logarithms(self.model.by_pose(poses, self.names), believed)
+        if others:
+            bent = np.einsum("snki,sk->sni", self.model.by_both(poses, self.names, others), far)
+            along = np.einsum("snk,sk->sn", by[..., self._gain :], far)
+            own += of_logarithms(bent, believed) - along[..., None] * own
+        return np.asarray(read[..., None] * np.concatenate([own, by], axis=2))
 
 
 def box_of(space: Space) -> tuple[Array, Array]:
@@ -81,7 +156,7 @@ def find_minima(
     names: Sequence[str],
     starts: Array,
     *,
-    nuisances: Mapping[str, float] | None = None,
+    nuisances: Mapping[str, float] | Beforehand | None = None,
     box: tuple[Array, Array] | None = None,
     most_steps: int = MOST_STEPS,
 ) -> Minima:
@@ -93,48 +168,37 @@ def find_minima(
     names : sequence of str
         Coordinates that are sought.
     starts : array, shape (s, 6), m and rad
-    nuisances : mapping of str to float, optional
-        What is sought besides, by its standard deviation beforehand (infinite: free); see
-        `ArrayModel.slopes`.
+    nuisances : mapping of str to float, or Beforehand, optional
+        What is sought besides, by its standard deviation beforehand (infinite: free), see
+        `ArrayModel.slopes`; or what is known of it.
     box : (low, high), optional
         Poses, shape (6,), to stay between.
     """
     at = [POSE.index(name) for name in names]
     wide = len(starts), len(model.elements)
     readings, weight = (np.broadcast_to(v, wide) for v in (readings, 1 / np.sqrt(variance)))
-    sigmas = dict(nuisances or {})
-    others, gains = [name for name in sigmas if name != "gain"], int("gain" in sigmas)
-    prior = np.array([float(sigmas[name]) ** -1.0 for name in (["gain"] * gains + others)])
-    poses, unknown = np.array(starts, float), np.zeros((len(starts), len(sigmas)))
+    beside = nuisances if isinstance(nuisances, Beforehand) else Beforehand.of(nuisances or {})
+    light, count = WithUnknowns(model, tuple(names), beside.names), len(beside.names)
+    mean = np.broadcast_to(beside.mean, (len(starts), count))
+    root = np.broadcast_to(beside.root, (len(starts), count, count))
+    poses, unknown = np.array(starts, float), np.array(mean)
 
     def residual(poses: Array, unknown: Array, of: Array) -> tuple[Array, Array, Array]:
         """Of readings and nuisances; the light, and its logarithm's slopes by the nuisances."""
-        believed = model.readings(poses)
-        by = of_logarithms(model.by_nuisances(poses, others), believed)
-        by = np.concatenate([np.ones((*believed.shape, gains)), by], axis=2)
-        read = believed * np.exp(np.einsum("snk,sk->sn", by, unknown))
-        return np.concatenate([(readings[of] - read) * weight[of], -prior * unknown], axis=1), read, by
-
-    def slopes_at(poses: Array, unknown: Array, read: Array, by: Array) -> Array:
-        """Of the light, shape (s, n_elements, n_coordinates + n_nuisances)."""
-        believed, far = read * np.exp(-np.einsum("snk,sk->sn", by, unknown)), unknown[:, gains:]
-        own = of_logarithms(model.by_pose(poses, names), believed)
-        if others:
-            bent = np.einsum("snki,sk->sni", model.by_both(poses, names, others), far)
-            along = np.einsum("snk,sk->sn", by[..., gains:], far)
-            own += of_logarithms(bent, believed) - along[..., None] * own
-        return read[..., None] * np.concatenate([own, by], axis=2)
+        read, by = light.read(poses, unknown)
+        off = np.einsum("skl,sl->sk", root[of], unknown - mean[of])
+        return np.concatenate([(readings[of] - read) * weight[of], -off], axis=1), read, by
 
     going = np.ones(len(poses), bool)
     r, read, by = residual(poses, unknown, going)
     chi2, damping = (r**2).sum(axis=1), np.full(len(poses), DAMPING)
-    slopes = np.zeros((len(poses), wide[1] + len(sigmas), len(at) + len(sigmas)))
-    slopes[:, wide[1] :, len(at) :] = np.diag(prior)
+    slopes = np.zeros((len(poses), wide[1] + count, len(at) + count))
+    slopes[:, wide[1] :, len(at) :] = root
     stale = going.copy()
     for _ in range(most_steps):
         fresh = going & stale
         if fresh.any():
-            every = slopes_at(poses[fresh], unknown[fresh], read[fresh], by[fresh])
+            every = light.slopes(poses[fresh], unknown[fresh], read[fresh], by[fresh])
             slopes[fresh, : wide[1]] = every * weight[fresh][:, :, None]
         j = slopes[going]
         if box is not None:
@@ -173,7 +237,7 @@ def find_minima(
         going[index[ended]] = False
         if not going.any():
             break
-    return Minima(poses, np.exp(unknown[:, :gains].sum(axis=1)), chi2)
+    return Minima(poses, light.gains(unknown), chi2, unknown)
 
 
 def of_logarithms(slopes: Array, readings: Array) -> Array:

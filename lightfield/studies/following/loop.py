@@ -21,6 +21,7 @@ from lightfield.studies.follower.array_light import Light, Space, pose_names
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations, wrapped
+from lightfield.studies.follower.information import nuisances_of
 from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.following.control import Law, law_of
 from lightfield.studies.following.leader import way_of
@@ -103,12 +104,15 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     mission, rng, noise = follower.mission, np.random.default_rng(seed), SensorNoise.of_scene(scene)
     truth = Truth.of(scene, light, elements, runs, rng)
     model, knows_gain = belief_of(mission.believes, light.in_water_of(scene), elements, mission.standoff_m)
-    gain_sigma = PERCENT * array.gain_drift_percent if knows_gain else np.inf
+    # Who believes the formula takes every reading by itself, as the follower of Eren (2015) did.
+    learns = mission.believes == "field"
+    gain = PERCENT * array.gain_drift_percent if knows_gain else np.inf
+    unknown = nuisances_of(scene) if learns else {"gain": gain} if gain else {}
     names = tuple(
         n for n in pose_names(scene) if mission.degrees_of_freedom == 6 or n not in ("pitch", "roll")
     )
     space = space_of_mission(scene)
-    observer = Observer(model, noise, names, space, gain_sigma, runs)
+    observer = Observer(model, noise, names, space, unknown, runs, learns=learns)
     whole = VEHICLES[mission.vehicle]
     vehicle = whole if mission.degrees_of_freedom == 6 else replace(whole, free=STEERED)
     pilot = _Pilot(mission, law_of(mission.law, vehicle), vehicle, runs)

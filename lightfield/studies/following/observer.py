@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.stats import chi2
@@ -13,7 +13,7 @@ from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.estimation.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.estimation.tracking import Filter
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.pose_search import box_of, find_minima
+from lightfield.studies.follower.pose_search import Beforehand, WithUnknowns, box_of, find_minima, gain_first
 from lightfield.studies.follower.rival_poses import NEAR_SIGMA
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a
@@ -23,6 +23,8 @@ STEPS, STEPS_FROM_AFAR = 3, 60
 
 class Observer:
     """Poses of `count` followers that believe the same, updated with a reading of each.
+
+    What they do not know exactly beside the pose they learn on the way, or seek in every reading anew.
 
     Attributes
     ----------
@@ -36,13 +38,17 @@ class Observer:
         noise: SensorNoise,
         names: Sequence[str],
         space: Space,
-        gain_sigma: float,
+        unknown: Mapping[str, float],
         count: int,
+        *,
+        learns: bool,
     ) -> None:
-        self.model, self.noise, self.names, self.gain_sigma = model, noise, tuple(names), gain_sigma
-        self.box = box_of(space)
-        self.filter = Filter(names, count)
-        self._starts = Estimator(model, noise, self.names, {}, space).starts()
+        self.light = WithUnknowns(model, tuple(names), gain_first(unknown))
+        self.noise, self.box = noise, box_of(space)
+        self._sigmas = np.minimum([float(unknown[name]) for name in self.light.unknowns], FREE)
+        self._learns = learns
+        self.filter = Filter(names, count, self._sigmas.tolist() if learns else ())
+        self._starts = Estimator(model, noise, self.light.names, {}, space).starts()
         self.lit: Mask = np.zeros(count, bool)
         self.used: Mask = self.lit
         self.doubtful: Mask = self.lit
@@ -54,14 +60,16 @@ class Observer:
         dark = float(np.sqrt(self.noise.variance(np.zeros(readings.shape[1]))).max())
         self.lit = readings.max(axis=1) > LOST_SIGMA * max(dark, np.finfo(float).tiny)
         variance = np.maximum(self.noise.variance(readings), np.finfo(float).tiny)
-        poses, gains, misfit = self.filter.poses, np.ones(len(readings)), np.zeros(len(readings))
-        familiar = np.flatnonzero(self.lit & ~self.filter.sees_nothing_familiar)
-        strange = np.flatnonzero(self.lit & self.filter.sees_nothing_familiar)
-        free = max(readings.shape[1] - len(self.names), 1)
-        expected, unknown = (
-            np.clip(poses, *self.box),
-            {"gain": self.gain_sigma} if self.gain_sigma > 0 else {},
-        )
+        poses, misfit = self.filter.poses, np.zeros(len(readings))
+        anew = self.filter.sees_nothing_familiar
+        count, k = len(poses), len(self._sigmas)
+        believed = np.zeros((count, k)), np.tile(np.diag(self._sigmas**2), (count, 1, 1))
+        mean, covariance = self.filter.beside(anew) if self._learns else believed
+        root = np.linalg.inv(np.linalg.cholesky(covariance))
+        unknown = mean.copy()
+        free = max(readings.shape[1] - len(self.light.names), 1)
+        expected = np.clip(poses, *self.box)
+        familiar, strange = np.flatnonzero(self.lit & ~anew), np.flatnonzero(self.lit & anew)
         for which, more, steps in ((familiar, 0, STEPS), (strange, len(self._starts), STEPS_FROM_AFAR)):
             if not len(which):
                 continue
@@ -69,8 +77,8 @@ class Observer:
             each = np.concatenate([expected[which, None], others], axis=1)
             of = np.repeat(which, 1 + more)
             found = find_minima(
-                self.model, readings[of], variance[of], self.names, each.reshape(-1, len(POSE)),
-                nuisances=unknown, box=self.box, most_steps=steps,
+                self.light.model, readings[of], variance[of], self.light.names, each.reshape(-1, len(POSE)),
+                nuisances=Beforehand(self.light.unknowns, mean[of], root[of]), box=self.box, most_steps=steps,
             )  # fmt: skip
             far = found.chi2.reshape(len(which), 1 + more)
             # What was expected is given up only for what explains the readings better by five sigma.
@@ -79,34 +87,48 @@ class Observer:
                 far[:, 0] <= least + NEAR_SIGMA**2 * np.maximum(1.0, least / free)
             )
             best = np.where(stays, 0, far.argmin(axis=1)) + (1 + more) * np.arange(len(which))
-            poses[which], gains[which], misfit[which] = found.poses[best], found.gains[best], found.chi2[best]
-        scatter, certain = self._scatter(poses, gains, variance)
+            poses[which], unknown[which], misfit[which] = (
+                found.poses[best],
+                found.unknown[best],
+                found.chi2[best],
+            )
+        scatter, certain = self._scatter(poses, unknown, variance)
+        measured, n = poses[:, self.filter.at], len(self.filter.at)
+        if self._learns:
+            # As the reading tells alone: what was known beforehand drew the unknowns, and the pose with them.
+            drawn = np.swapaxes(root, 1, 2) @ root @ (unknown - mean)[..., None]
+            measured = np.concatenate([measured, unknown], axis=1) + (scatter[:, :, n:] @ drawn)[..., 0]
+        else:
+            scatter = scatter[:, :n, :n]
         # Readings that fit badly are worse than their noise says, by the root of chi2 over its degrees of
         # freedom (Birge 1932, Phys. Rev. 40, 207). Else a filter that believes a wrong light refuses all.
         leeway = np.maximum(1.0, misfit / free)
-        _, self.used = self.filter.correct(poses[:, self.filter.at], scatter, self.lit & certain, leeway)
+        _, self.used = self.filter.correct(measured, scatter, self.lit & certain, leeway)
         unlikely = self.lit & (chi2.sf(misfit, free) < DOUBTFUL)
         self._unlikely = np.where(unlikely, self._unlikely + 1, 0)
         self.doubtful = self._unlikely >= IN_A_ROW
 
-    def _scatter(self, poses: Array, gains: Array, variance: Array) -> tuple[Array, Mask]:
-        """Covariances of single readings, shape (count, n, n), and which of them are finite."""
-        slopes = gains[:, None, None] * self.model.by_pose(poses, self.names) / np.sqrt(variance)[:, :, None]
-        if self.gain_sigma > 0:
-            read = gains[:, None] * self.model.readings(poses) / np.sqrt(variance)
-            slopes = np.concatenate([slopes, read[:, :, None]], axis=2)
+    def _scatter(self, poses: Array, unknown: Array, variance: Array) -> tuple[Array, Mask]:
+        """Covariances of poses and unknowns by single readings, (count, n + k, n + k); which are finite."""
+        read, by = self.light.read(poses, unknown)
+        slopes = self.light.slopes(poses, unknown, read, by) / np.sqrt(variance)[:, :, None]
         information = np.swapaxes(slopes, 1, 2) @ slopes
-        if self.gain_sigma > 0:
-            information[:, -1, -1] += self.gain_sigma**-2.0
+        # Where they are learned a hint is enough to part those that act alike, as a and b in straight light.
+        told = (HINT if self._learns else 1.0) * self._sigmas**-2.0
+        information += np.diag(np.concatenate([np.zeros(len(self.light.names)), told]))
         scale = 1 / np.sqrt(np.maximum(np.einsum("sii->si", information), np.finfo(float).tiny))
         scaled = information * scale[:, :, None] * scale[:, None, :]
         certain = np.linalg.cond(scaled) < 1 / CERTAIN
         found = np.tile(np.eye(len(scale[0])), (len(poses), 1, 1))
         if certain.any():
             found[certain] = np.linalg.inv(scaled[certain]) * (scale[:, :, None] * scale[:, None, :])[certain]
-        n = len(self.names)
-        return found[:, :n, :n], certain
+        return found, certain
 
 
+#: Part of what is known of the unknowns beforehand that every reading is taken to tell (chosen: a thousand
+#: readings do not add a prior to it).
+HINT = 1e-4
+#: Standard deviation, as a logarithm, of a gain that is not known: a factor of e^10.
+FREE = 10.0
 #: Smallest ratio of eigenvalues of an information of unit diagonal that is not rounding.
 CERTAIN = 1e-10

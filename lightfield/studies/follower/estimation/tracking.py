@@ -1,9 +1,11 @@
 """A sequence of poses, smoothed by what a vehicle can do: a Kalman filter of places, angles and their rates.
 
-    state  (p, v),   p' = p + v dt,   v' = v + white acceleration       (Bar-Shalom et al. 2001, section 6.2)
+    state  (p, v, u),   p' = p + v dt,   v' = v + white acceleration    (Bar-Shalom et al. 2001, section 6.2)
 
-Only the noise of single readings is averaged away. What gain, mismatch, water and lamp leave unknown, and
-which of several poses it is, is nearly the same in every reading, and is added afterwards.
+u is what else a vehicle may seek on its way, as gain and water; it wanders slowly about what is believed.
+`Tracker` seeks nothing beside the pose: only the noise of single readings is averaged away. What gain,
+mismatch, water and lamp leave unknown, and which of several poses it is, is nearly the same in every reading,
+and is added afterwards.
 """
 
 from __future__ import annotations
@@ -12,12 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
 from lightfield.decompositions import eigen
 from lightfield.studies.follower.estimation.pose import Estimator, PoseEstimate
 from lightfield.studies.follower.frames import POSE, wrapped
+from lightfield.studies.follower.information import NOTHING_M
 
 #: Density of the white acceleration, (m/s^2)^2/Hz and (rad/s^2)^2/Hz: within a second a small vehicle's speed
 #: changes by about 0.2 m/s and its rates of turn by 10 degrees/s (chosen).
@@ -30,6 +34,9 @@ GATE = 1e-4
 MOST_REFUSED = 5
 #: What does not average away is told as the mean of so many readings: each knows it roughly (chosen).
 MEMORY = 10
+#: Time, s, in which gain and water forget what they were (Gauss-Markov; chosen: a minute. Unlike elements are
+#: no noise that a longer mean would take away).
+FORGOTTEN_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,7 @@ class Tracked:
 
 
 class Filter:
-    """States of several vehicles side by side: places, angles and their rates, and how well they are known.
+    """States of several vehicles side by side: places, angles, their rates, and what else is not known.
 
     Parameters
     ----------
@@ -70,20 +77,24 @@ class Filter:
         Coordinates of the pose that are followed, n of them.
     count : int
         Vehicles.
+    beside : sequence of float
+        Standard deviations, in the long run, of k unknowns that are followed too.
 
     Attributes
     ----------
-    state, covariance : array, shape (count, 2 n) and (count, 2 n, 2 n)
+    state, covariance : array, shape (count, 2 n + k) and (count, 2 n + k, 2 n + k)
     known : array of bool, shape (count,)
         A first reading has come.
     refused : array of int, shape (count,)
         Readings in a row that were not used.
     """
 
-    def __init__(self, names: Sequence[str], count: int = 1) -> None:
+    def __init__(self, names: Sequence[str], count: int = 1, beside: Sequence[float] = ()) -> None:
         self.at = [POSE.index(name) for name in names]
-        n = len(self.at)
-        self.state, self.covariance = np.zeros((count, 2 * n)), np.zeros((count, 2 * n, 2 * n))
+        n, self._beside = len(self.at), np.array(beside, float)
+        size = 2 * n + len(self._beside)
+        self._measured = [*range(n), *range(2 * n, size)]
+        self.state, self.covariance = np.zeros((count, size)), np.zeros((count, size, size))
         self.known, self.refused = np.zeros(count, bool), np.zeros(count, int)
 
     @property
@@ -96,7 +107,13 @@ class Filter:
     @property
     def rates(self) -> Array:
         """Shape (count, 6), m/s and rad/s."""
-        return self._whole(self.state[:, len(self.at) :])
+        return self._whole(self.state[:, len(self.at) : 2 * len(self.at)])
+
+    def beside(self, anew: Mask) -> tuple[Array, Array]:
+        """What is expected of the unknowns, shape (count, k) and (count, k, k); where `anew`, as believed."""
+        at, believed = 2 * len(self.at), np.diag(self._beside**2)
+        mean = np.where(anew[:, None], 0.0, self.state[:, at:])
+        return mean, np.where(anew[:, None, None], believed, self.covariance[:, at:, at:])
 
     @property
     def sees_nothing_familiar(self) -> Mask:
@@ -105,15 +122,13 @@ class Filter:
 
     def predict(self, seconds: float) -> None:
         """Move the states on."""
-        n = len(self.at)
-        move = np.eye(2 * n)
-        move[:n, n:] = seconds * np.eye(n)
+        n, kept = len(self.at), np.exp(-seconds / FORGOTTEN_S)
+        move = block_diag(np.eye(2 * n), kept * np.eye(len(self._beside)))
+        move[:n, n : 2 * n] = seconds * np.eye(n)
         agility = np.diag(AGILITY[self.at])
-        grown = np.block(
-            [
-                [agility * seconds**3 / 3, agility * seconds**2 / 2],
-                [agility * seconds**2 / 2, agility * seconds],
-            ]
+        grown = block_diag(
+            np.kron([[seconds**3 / 3, seconds**2 / 2], [seconds**2 / 2, seconds]], agility),
+            (1 - kept**2) * np.diag(self._beside**2),
         )
         self.state = self.state @ move.T
         self.covariance = move @ self.covariance @ move.T + grown
@@ -121,10 +136,12 @@ class Filter:
     def correct(
         self, measured: Array, noise: Array, found: Mask, leeway: Array | float = 1.0
     ) -> tuple[Array, Mask]:
-        """Take up one pose each, shape (count, n), with covariances (count, n, n), where one was `found`.
+        """Take up one pose each, and its unknowns, where one was `found`.
 
         Parameters
         ----------
+        measured, noise : array, shape (count, n + k) and (count, n + k, n + k)
+            As the reading alone tells, and covariances.
         leeway : array, shape (count,)
             Factor of the squared distance at which a pose is refused.
 
@@ -134,29 +151,31 @@ class Filter:
             Squared distance from what was expected; NaN where nothing was.
         used : array of bool, shape (count,)
         """
-        n = len(self.at)
+        n, at = len(self.at), self._measured
         anew = found & self.sees_nothing_familiar
-        innovation = np.full(len(found), np.nan)
-        self.state[anew] = np.concatenate([measured, np.zeros_like(measured)], axis=1)[anew]
-        self.covariance[anew] = 0.0
-        self.covariance[anew, :n, :n] = noise[anew]
-        self.covariance[anew, n:, n:] = np.diag(RATE_SIGMA[self.at] ** 2)
-        tried = np.flatnonzero(found & self.known & ~anew)
-        used = anew.copy()
-        if len(tried):
-            apart = measured[tried] - self.state[tried, :n]
-            turns = [k for k, at in enumerate(self.at) if at >= 3]
+        innovation, used = np.full(len(found), np.nan), anew.copy()
+        self.state[anew] = 0.0
+        self.state[anew, :n] = measured[anew, :n]
+        nothing = np.concatenate([np.full(n, NOTHING_M), RATE_SIGMA[self.at], self._beside])
+        self.covariance[anew] = np.diag(nothing**2)
+        taken = np.flatnonzero(found & (self.known | anew))
+        if len(taken):
+            apart = measured[taken] - self.state[taken][:, at]
+            turns = [k for k, one in enumerate(self.at) if one >= 3]
             apart[:, turns] = wrapped(apart[:, turns])
-            before, scatter = self.covariance[tried], noise[tried]
-            spread = before[:, :n, :n] + scatter
-            innovation[tried] = (apart * np.linalg.solve(spread, apart[..., None])[..., 0]).sum(axis=1)
-            likely = chi2.sf(innovation[tried] / np.broadcast_to(leeway, len(found))[tried], n) >= GATE
-            gain = np.swapaxes(np.linalg.solve(spread, before[:, :n]), 1, 2)
+            before, scatter = self.covariance[taken], noise[taken]
+            spread = before[:, at][:, :, at] + scatter
+            far = (apart * np.linalg.solve(spread, apart[..., None])[..., 0]).sum(axis=1)
+            innovation[taken] = np.where(anew[taken], np.nan, far)
+            likely = anew[taken] | (
+                chi2.sf(far / np.broadcast_to(leeway, len(found))[taken], len(at)) >= GATE
+            )
+            gain = np.swapaxes(np.linalg.solve(spread, before[:, at]), 1, 2)
             # Joseph's form keeps it positive.
-            rest = np.tile(np.eye(2 * n), (len(tried), 1, 1))
-            rest[:, :, :n] -= gain
+            rest = np.tile(np.eye(before.shape[1]), (len(taken), 1, 1))
+            rest[:, :, at] -= gain
             after = rest @ before @ np.swapaxes(rest, 1, 2) + gain @ scatter @ np.swapaxes(gain, 1, 2)
-            up = tried[likely]
+            up = taken[likely]
             self.state[up] += (gain @ apart[..., None])[likely, :, 0]
             self.covariance[up] = after[likely]
             used[up] = True

@@ -84,8 +84,8 @@ def test_an_unknown_gain_is_in_the_error_and_not_in_the_scatter() -> None:
 
 @pytest.mark.parametrize(
     ("x_m", "per_m", "known"),
-    [(0.3, 0.3, 0.2), (0.0, 0.1, 0.5)],
-)  # fmt: skip
+    [(0.3, 0.3, 0.2), pytest.param(0.0, 0.1, 0.5, marks=pytest.mark.slow)],
+)
 def test_water_that_is_not_known_is_sought_with_the_pose(x_m: float, per_m: float, known: float) -> None:
     """60 readings, each in water of its own, by the formula of another scene: errors are those that are told,
     and chi2 knows that the water is another.
@@ -185,7 +185,8 @@ def test_of_poses_that_are_alike_the_nearest_to_the_last_is_taken() -> None:
     near, far = np.array([0.1, 0, 6, 0.1, 0, 3.1]), np.array([0.2, 0, 6, -0.3, 0, 0.0])
     last = np.array([0.1, 0, 6, 0.1, 0, 3.15 - 2 * np.pi])
     for chi2, taken in ((20.5, 2), (21.5, 0)):
-        found = Minima(np.array([far, far + 1e-3, near]), np.ones(3), np.array([20.0, 20.01, chi2]))
+        poses, nothing = np.array([far, far + 1e-3, near]), np.zeros((3, 0))
+        found = Minima(poses, np.ones(3), np.array([20.0, 20.01, chi2]), nothing)
         assert nearest_alike(found, last, 1.0) == taken
         assert nearest_alike(found, None, 1.0) == 0
 

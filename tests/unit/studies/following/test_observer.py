@@ -1,0 +1,36 @@
+"""What followers do not know exactly, they learn; and their errors say how well."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lightfield.scene import Scene
+from lightfield.studies.following.study import follow
+
+SCENE = Scene.from_dict(
+    {
+        "lamp": {"hwhm_deg": 3.81},
+        "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05},
+        "array": {
+            "count": [3, 3], "size_m": 0.26, "radius_m": 0.19, "sample_hz": 5.0, "gain_mismatch_percent": 0.0,
+        },
+        "follower": {"mission": {"duration_s": 24.0, "leader": "still"}},
+    }
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("gain_percent", "water_percent"), [(5.0, 0.0), (1.0, 20.0)])
+def test_what_is_not_known_is_learned_on_the_way(gain_percent: float, water_percent: float) -> None:
+    """Gain and water in error move a follower that holds them; one that seeks them errs as it says."""
+    unknown = {"array.gain_drift_percent": gain_percent, "follower.water_known_percent": water_percent}
+    found = follow({"": SCENE.with_values(unknown)}, runs=24, seed=3, photons=0).cases[0]
+    track, one = found.track, found.spreads["standoff"]
+    # By the formula: a factor of the light moves it by so much over 2/z + c.
+    moved = 0.01 * np.hypot(gain_percent, water_percent * 6.5 * np.hypot(0.05, 0.05)) / (2 / 6.5 + 0.1)
+    assert found.runs["standoff_at_end"].std(ddof=1) < 0.5 * moved
+    assert one.error == pytest.approx(one.scatter / np.sqrt(24))
+    late = track.time_s > 5.0
+    error, stated = (track.estimate - track.pose)[late][..., 2], track.sigma[late][..., 2]
+    # Of 24 runs of 19 s, each some ten times as long as a filter remembers a place.
+    assert 0.75 < np.sqrt(np.mean((error / stated) ** 2)) < 1.25
