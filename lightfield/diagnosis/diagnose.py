@@ -27,7 +27,7 @@ from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rm
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, Kind
 from lightfield.diagnosis.verdict.rest.left_over import ranked
 from lightfield.diagnosis.verdict.terminal import as_text
-from lightfield.diagnosis.verdict.trust import standard_errors
+from lightfield.diagnosis.verdict.trust import noise_floor, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource
@@ -42,6 +42,7 @@ from lightfield.fitting.fitted_curves import (
     save_spectrum,
 )
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import beyond_table
 from lightfield.memory import give_back
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
@@ -175,7 +176,7 @@ class Diagnosis:
         """What the readings' own errors leave of any explanation, as the ladder counts."""
         counted = bright(self.prepared.problem)
         value = self.prepared.problem.value[counted]
-        return rms_over(self.sigma[counted], value)
+        return rms_over(noise_floor(self.prepared, self.finding)[counted], value)
 
     def _rendered(self, photons: float, precision: float, seed: int) -> tuple[Array, Array]:
         """Light of a fresh render of the last rung, and its error, both of shape (n,)."""
@@ -296,6 +297,8 @@ def diagnose(
     readings = readings.check_against(scene)
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
+    beyond = beyond_table(scene, readings)
+    readings = replace(readings, saturated=readings.saturated | beyond) if beyond.any() else readings
     every = effects.all_of(scene)
     chosen: list[Effect] = (
         [effects.get(name, scene) for name in only]
@@ -323,7 +326,7 @@ def _diagnose(inquiry: Inquiry, advise: bool) -> Diagnosis:
     starts = [finding.level.base, *([best.fit] if best else [])]
     progress("errors of planes held out")
     explanation, phi = best.explanation if best else (), finding.level.bench.phi * prepared.excess
-    sigma = standard_errors(prepared, finding)
+    sigma = noise_floor(prepared, finding)
     steps = climb(prepared.problem, explanation, finding.whiten, starts, phi, sigma, advise)
     progress("rivals, limits and advice")
     lamp = calibration.judged_power(prepared, known.problem, finding)

@@ -47,7 +47,7 @@ def by_another_lamp(inquiry: Inquiry, found: Outcome) -> tuple[Outcome, Caution 
     cost, cost_instead = _costs(found, other, now, instead)
     if cost_instead > cost - _MARGIN:
         return found, None
-    told = {"width_deg": float(instead.values.get(WIDTH, math.nan)), "fewer": len(now.u) - len(instead.u)}
+    told = {"width_deg": float(instead.values.get(WIDTH, math.nan)), "better": cost - cost_instead}
     return other, Caution(warns=Warns.ANOTHER_LAMP, about=_TABLE, values=told)
 
 

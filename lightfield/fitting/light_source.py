@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.fitting.curves import Curves, field_of
 from lightfield.fitting.diffuse_light import Diffuse, DiffuseLight, DiffuseSource
 from lightfield.fitting.parameter import is_gain
@@ -32,6 +32,12 @@ _REMEMBERED = 120
 _FEW = 8
 #: The lamp is moved so far aside for a slope, m. Chosen: next to nothing beside a cell.
 _ASIDE_M = 1e-3
+#: A lamp's table does not know its light where it may be off by more than this part (chosen: a fifth, far
+#: more than is left of a beam that was measured); one that so knows less than this part of the readings is
+#: taken as it is (chosen).
+_UNKNOWN, _MOST_UNKNOWN = 0.2, 0.5
+#: A table whose last intensity is more than this part of its largest ends before the beam does (chosen).
+_DARK = 1e-3
 #: How far places that are read lag behind.
 LAG = "detector.lag_m"
 
@@ -251,3 +257,22 @@ def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
 @lru_cache(4096)
 def _makes_diffuse(path: str) -> bool:
     return bool(acts_on(path) & (DIFFUSE | Acts.FLOOR | Acts.WAVES))
+
+
+def beyond_table(scene: Scene, readings: Readings) -> Mask:
+    """Readings, shape (n,), whose light the lamp's table does not know: what they show is the lamp alone.
+
+    A lamp that was fitted to readings near its axis says so of what lies beyond, with one error for all of
+    that, which cannot hold what a real lamp does there; and a table may end where the beam does not.
+    """
+    stated, none = table_of(scene.lamp), np.zeros(len(readings), bool)
+    if stated is None:
+        return none
+    at = table_angle(scene.lamp, readings.x_m, readings.y_m, readings.z_m, readings.medium)
+    found: Mask = at > (stated.angle_rad[-1] if stated.mean[-1] > _DARK * stated.mean.max() else np.inf)
+    if len(stated.errors):
+        modes = stated.relative_errors(at)[: len(stated.errors)]
+        # What all share is a gain.
+        beside = modes - np.median(modes, axis=1, keepdims=True)
+        found |= np.sqrt((beside**2).sum(axis=0)) > _UNKNOWN
+    return found if found.mean() <= _MOST_UNKNOWN else none

@@ -39,9 +39,10 @@ from lightfield.diagnosis.verdict.parts import (
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.rest.left_over import left_over
 from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
-from lightfield.diagnosis.verdict.trust import Trust, pure_error, set_aside, standard_errors
+from lightfield.diagnosis.verdict.trust import Trust, noise_floor, pure_error, set_aside
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import beyond_table
 from lightfield.readings import Readings
 from lightfield.version import __version__
 
@@ -232,10 +233,12 @@ def _how_judged(basis: VerdictBasis) -> verdict_data.HowJudged:
 
 def _readings_used(basis: VerdictBasis) -> verdict_data.ReadingsUsed:
     layout = basis.prepared.problem.layout
+    beyond = beyond_table(basis.forward.scene, basis.readings)
     return verdict_data.ReadingsUsed(
         outliers=[int(i) for i in np.flatnonzero(basis.trust.aside)],
-        saturated=[int(i) for i in np.flatnonzero(basis.readings.saturated)],
-        set_aside=set_aside(basis.readings, basis.trust),
+        saturated=[int(i) for i in np.flatnonzero(basis.readings.saturated & ~beyond)],
+        beyond_table=[int(i) for i in np.flatnonzero(beyond)],
+        set_aside=set_aside(basis.readings, basis.trust, beyond),
         readings=layout.size,
         several_wavelengths=bool(layout.channel.max() > 0),
     )
@@ -244,7 +247,7 @@ def _readings_used(basis: VerdictBasis) -> verdict_data.ReadingsUsed:
 def _reached(basis: VerdictBasis, units: dict[str, str]) -> verdict_data.Reached:
     """Over the explained model, as the error of the last rung is."""
     counted, explained = bright(basis.prepared.problem), basis.steps[-1].fit.prediction
-    floor = rms_over(standard_errors(basis.prepared, basis.finding)[counted], explained[counted])
+    floor = rms_over(noise_floor(basis.prepared, basis.finding)[counted], explained[counted])
     return verdict_data.Reached(
         ladder=_rungs(basis, units),
         noise_floor_percent=finite(floor),

@@ -254,6 +254,7 @@ class WhyAside(Word):
 
     OUTLIER = "outlier"
     SATURATED = "saturated"
+    BEYOND_TABLE = "beyond the lamp's table"
 
 
 class SetAside(Record):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
-from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, WaterAndBeam
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, WaterAndBeam, WhyAside
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
@@ -60,10 +60,11 @@ def as_text(verdict: Verdict) -> str:
     for name, why in verdict.hindrances.items():
         alike.setdefault(tuple(why), []).append(name)
     lines += [f"not testable here: {', '.join(names)} ({in_words(why)})" for why, names in alike.items()]
-    waves = len({one.wavelength_nm for one in verdict.set_aside}) > 1
-    for one in verdict.set_aside[:_LISTED]:
+    named = [one for one in verdict.set_aside if one.reason != WhyAside.BEYOND_TABLE]
+    waves = len({one.wavelength_nm for one in named}) > 1
+    for one in named[:_LISTED]:
         lines.append(f"set aside: {place(one, waves)}: {aside.off(one)}")
-    if (more := len(verdict.set_aside) - _LISTED) > 0:
+    if (more := len(named) - _LISTED) > 0:
         lines.append(f"set aside: {more} more")
     lines += stated_lines(verdict.stated)
     lines += [f"assumed: {a}" for a in verdict.assumed]

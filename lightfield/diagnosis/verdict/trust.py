@@ -3,12 +3,12 @@ none out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import TINY, Array
+from lightfield.arrays import TINY, Array, Mask
 from lightfield.diagnosis.adequacy.slips import structure
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
@@ -82,6 +82,12 @@ def standard_errors(prepared: Prepared, finding: SearchResult) -> Array:
     return np.sqrt(prepared.noise.variance(error_scale(prepared, finding), 0.0))
 
 
+def noise_floor(prepared: Prepared, finding: SearchResult) -> Array:
+    """The same without errors of the lamp's table, which the readings mostly tell themselves, shape (n,)."""
+    noise = replace(prepared.noise, lamp_modes=None)
+    return np.sqrt(noise.variance(error_scale(prepared, finding), 0.0))
+
+
 def trust_of(
     prepared: Prepared, finding: SearchResult, saturated: NDArray[np.bool_], rng: np.random.Generator
 ) -> Trust:
@@ -96,7 +102,8 @@ def trust_of(
     fit = finding.closest.fit if finding.closest else finding.level.base
     sigma, misfit = standard_errors(prepared, finding), problem.value - fit.prediction
     aside = (problem.keep == 0) & ~saturated
-    noise = float(100 * np.median(sigma[counted] / problem.value[counted])) if counted.any() else None
+    own = noise_floor(prepared, finding)[counted]
+    noise = float(100 * np.median(own / problem.value[counted])) if counted.any() else None
     rate = prepared.noise.budget.outlier_rate
     doubt = _doubt(prepared, finding, fit, noise)
     if doubt is None:
@@ -105,21 +112,26 @@ def trust_of(
     return Trust(noise, misfit / sigma, aside, doubt)
 
 
-def set_aside(readings: Readings, trust: Trust) -> list[SetAside]:
-    """Outliers, farthest first, then saturated readings."""
+def set_aside(readings: Readings, trust: Trust, beyond: Mask) -> list[SetAside]:
+    """Outliers, farthest first, then saturated readings, of which those `beyond` the lamp's table are not."""
     far = sorted(np.flatnonzero(trust.aside).tolist(), key=lambda i: -abs(trust.off_sigma[i]))
 
-    def entry(i: int, sigma: float | None) -> SetAside:
+    def entry(i: int, reason: WhyAside, sigma: float | None = None) -> SetAside:
         wavelength = float(readings.wavelength_nm[i])
         return SetAside(
-            row=i, reason=WhyAside.SATURATED if sigma is None else WhyAside.OUTLIER,
+            row=i, reason=reason,
             x_m=float(readings.x_m[i]), y_m=float(readings.y_m[i]), z_m=float(readings.z_m[i]),
             medium=str(readings.medium[i]), wavelength_nm=wavelength if np.isfinite(wavelength) else None,
             off_sigma=sigma,
         )  # fmt: skip
 
-    saturated = np.flatnonzero(readings.saturated).tolist()
-    return [entry(i, float(trust.off_sigma[i])) for i in far] + [entry(i, None) for i in saturated]
+    outliers = [entry(i, WhyAside.OUTLIER, float(trust.off_sigma[i])) for i in far]
+    saturated = [entry(i, WhyAside.SATURATED) for i in np.flatnonzero(readings.saturated & ~beyond).tolist()]
+    return [
+        *outliers,
+        *saturated,
+        *(entry(i, WhyAside.BEYOND_TABLE) for i in np.flatnonzero(beyond).tolist()),
+    ]
 
 
 def says_nothing(prepared: Prepared, finding: SearchResult) -> bool:

@@ -129,7 +129,13 @@ class ReadingsUsed(Record):
 
     outliers: list[int] = Field(description="rows (from 0) left out as gross outliers")
     saturated: list[int] = Field(description="rows (from 0) left out as saturated")
-    set_aside: list[SetAside] = Field(default_factory=list, description="outliers, farthest first; saturated")
+    beyond_table: list[int] = Field(
+        default_factory=list,
+        description="rows (from 0) left out where the lamp's table does not know its light",
+    )
+    set_aside: list[SetAside] = Field(
+        default_factory=list, description="outliers, farthest first; saturated; beyond the lamp's table"
+    )
     readings: int
     several_wavelengths: bool = False
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -103,3 +104,23 @@ def test_a_lamp_of_a_table_is_found_to_be_tilted(turned_deg: float, tmp_path: Pa
     assert (verdict.verdict, verdict.effects) == ("identified", ["beam_tilt"])
     found = verdict.ladder[-1].parameters["lamp.tilt_x_deg"]
     assert abs(found.value - turned_deg) < 3 * found.stderr < 0.1
+
+
+def test_what_a_narrower_campaign_left_unknown_of_the_lamp_is_nothing_else(tmp_path: Path) -> None:
+    """Readings beyond the angles that the first campaign read take no part, and say so. Taken for the table's
+    guess they made a background of 73 sigma, a wrong table of a right one, and noise floors of 10 to 22 %."""
+    asked = {"diffuse": None, "only": FEW, "advise": False}
+    whole = read(5)
+    narrow = np.hypot(whole.x_m, whole.y_m) < 0.3 * whole.z_m
+    first = diagnose(whole.subset(narrow), Scene.from_dict(SCENE), **asked)
+    first.save(tmp_path)
+    lamp = {"profile": "table", "intensity_table": str(tmp_path / "lamp.csv")}
+    next_scene = Scene.from_dict({**SCENE, "lamp": lamp})
+    verdict = diagnose(read(105), next_scene, **asked).verdict
+    assert verdict.verdict == "none"
+    aside = set(verdict.beyond_table)
+    assert not verdict.saturated and 0 < len(aside) <= (~narrow).sum()
+    assert f"{len(aside)} readings were left out" in verdict.sentence
+    assert [c.values["beyond"] for c in verdict.cautions if c.warns is Warns.BEYOND_TABLE] == [len(aside)]
+    # The table may be off by more than the readings: that is no noise.
+    assert verdict.noise_floor_percent == pytest.approx(0.4, abs=0.1)

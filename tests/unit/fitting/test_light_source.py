@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.light_source import beyond_table
 from lightfield.formula.scattered.scattered_field import ScatteredField
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
@@ -72,3 +74,31 @@ def test_a_fresh_render_reads_the_same_places() -> None:
     light, _ = rendered_light(CLEAR.with_values({"detector.lag_m": LAG_M}), table)
     there, _ = rendered_light(CLEAR, where_it_reads(table))
     assert light == pytest.approx(there, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("columns", "rows", "beyond"),
+    [
+        ("angle_deg,intensity", ["0,1", "5,0.5", "9,0.1"], True),  # ends while it is bright
+        ("angle_deg,intensity", ["0,1", "5,0.5", "9,0"], False),
+        (
+            "angle_deg,intensity,error_1",
+            ["0,1,0", "5,0.5,0.01", "9,0.1,0.002", "12,0.06,0.05", "30,0.01,0.01"],
+            True,
+        ),
+        # Off by one factor but on the axis: a gain.
+        ("angle_deg,intensity,error_1", ["0,1,0", "1,1,0.3", "9,0.5,0.15", "30,0.1,0.03"], False),
+    ],
+)
+def test_readings_that_the_lamps_table_does_not_reach(
+    columns: str, rows: list[str], beyond: bool, tmp_path: Path
+) -> None:
+    """At 10 degrees and more; those at up to 8 it knows."""
+    table = tmp_path / "lamp.csv"
+    table.write_text("\n".join([columns, *rows]) + "\n", encoding="utf-8")
+    scene = CLEAR.with_values({"lamp.profile": "table", "lamp.intensity_table": str(table)})
+    angle = np.array([2.0, 4.0, 6.0, 8.0, 16.0, 20.0])
+    readings = Readings.from_arrays(
+        x_m=3 * np.tan(np.radians(angle)), z_m=np.full(6, 3.0), value=np.ones(6), quantity="irradiance"
+    )
+    np.testing.assert_array_equal(beyond_table(scene, readings), beyond & (angle > 10))

@@ -33,6 +33,7 @@ class Warns(str, Enum):
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
     COARSE_TABLE = "lamp's table in coarse steps"
+    BEYOND_TABLE = "readings beyond the lamp's table"
     ANOTHER_LAMP = "another lamp than the table's"
     UNEVEN_LAMP = "uneven lamp"
     FINEST_CURVE = "lamp's curve as fine as curves go"
@@ -82,7 +83,8 @@ _WORDS = {
     Warns.UNEVEN_LAMP: "only the direction of the light tells of {about}: a lamp with another uneven beam "
     "may do the same; turn the lamp by 90 degrees about its axis and read again: what turns too is its own",
     Warns.FINEST_CURVE: "the lamp's curve takes as many functions as there are: {about} may stand for detail "
-    "that it leaves out, an edge or a ring; measure the lamp in air with a fine step, and state its table",
+    "that it leaves out, an edge or a ring; measure the lamp with a fine step, and state its table (in air "
+    "behind a flat window its angles are 1.34 times those in water: lamp.table_width)",
     Warns.UNSETTLED: "scattered light is that of one trace in other water, weighed anew, as the beam is not "
     "round or the receiver no cosine collector: what is fitted may be off by several of its errors",
     Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "
@@ -115,9 +117,13 @@ _WORDS = {
     Warns.COARSE_TABLE: "the lamp's table has steps of {step_deg:.2g} degrees, and smooth beams through them "
     "differ by up to {percent:.2g} % in the light of these readings: effects of lamp and receiver may "
     "stand in for that; measure it in finer steps",
-    Warns.ANOTHER_LAMP: "the lamp's table is not that of these readings: with a Gaussian beam of "
-    "{width_deg:.3g} degrees in its place {fewer:g} numbers fewer explain them, and what is said here is "
-    "said beside that: check that it is the table of this lamp, in degrees from its axis, and in water",
+    Warns.BEYOND_TABLE: "{beyond:g} of {readings:g} readings are left out: they lie {from_deg:.3g} degrees "
+    "or farther from the beam's axis, where the lamp's table does not know its light to a fifth: measure the "
+    "lamp as far as that, or fit it to readings that reach so far (with a Gaussian beam in the scene)",
+    Warns.ANOTHER_LAMP: "the lamp's table is not that of these readings: from a Gaussian beam of "
+    "{width_deg:.3g} degrees on they are explained better (chi-square, with the price of what is set free, "
+    "{better:.0f} less), and what is said here is said beside that: check that it is the table of this lamp, "
+    "in degrees from its axis, and in water",
     Warns.NOT_CONVERGED: "the fit was stopped before it stood still: one step more would lower chi-square by "
     "{gain:.2g} and move {about} by {sigma:.2g} of its error; begin nearer to the end (with the fitted scene "
     "that -o writes), or leave out one of the effects that hang together",

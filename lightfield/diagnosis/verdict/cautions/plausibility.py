@@ -21,8 +21,10 @@ from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.gains import LAMP_POWER
 from lightfield.fitting.least_squares import Fit
+from lightfield.fitting.light_source import beyond_table
 from lightfield.fitting.parameter import GAIN
 from lightfield.formula.closed_form import table_angle
+from lightfield.readings import Readings
 from lightfield.readings.unchecked import bands_of
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -72,7 +74,7 @@ def hints(
     found = [
         _width(scene, forward.scenes.at(values, validate=False)), _absorption(forward, problem, fit),
         gain, _of_band(forward, gain, calibration), _amplifying(fit),
-        _coarse_table(forward, problem),
+        _coarse_table(forward, problem), _beyond_table(scene, forward.readings),
     ]  # fmt: skip
     if has_diffuse_light(scene) and forward.light.diffuse.trace is None:
         found.append(Caution(warns=Warns.LEFT_OUT))
@@ -148,6 +150,16 @@ def _amplifying(fit: Fit) -> Caution | None:
     return Caution(
         warns=Warns.AMPLIFIES, about="water", values={"least_per_m": lowest_attenuation_per_m(fit)}
     )
+
+
+def _beyond_table(scene: Scene, readings: Readings) -> Caution | None:
+    beyond = beyond_table(scene, readings)
+    if not beyond.any():
+        return None
+    r = readings.subset(beyond)
+    at = np.degrees(table_angle(scene.lamp, r.x_m, r.y_m, r.z_m, r.medium))
+    told = {"beyond": float(beyond.sum()), "readings": float(len(readings)), "from_deg": float(at.min())}
+    return Caution(warns=Warns.BEYOND_TABLE, about="lamp.intensity_table", values=told)
 
 
 def _coarse_table(forward: SceneForward, problem: Problem) -> Caution | None:

@@ -37,6 +37,9 @@ def sentence(aside: Sequence[SetAside], readings: int, waves: bool) -> str:
         others = f"; and {rest} more, {least:.2g} sigma off or farther" if rest > 0 else ""
         verb = "was" if len(outliers) == 1 else "were"
         said.append(f"{len(outliers)} of {readings} readings {verb} set aside: {named}{others}.")
-    if saturated := len(aside) - len(outliers):
+    if saturated := sum(e.reason == WhyAside.SATURATED for e in aside):
         said.append(f"{saturated} saturated {'reading was' if saturated == 1 else 'readings were'} left out.")
+    if beyond := sum(e.reason == WhyAside.BEYOND_TABLE for e in aside):
+        verb = "reading was" if beyond == 1 else "readings were"
+        said.append(f"{beyond} {verb} left out that lie where the lamp's table is a guess.")
     return " ".join(said)

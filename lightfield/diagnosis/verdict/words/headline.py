@@ -22,6 +22,7 @@ from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.diagnosis.verdict.words import aside, rest, stated
 from lightfield.diagnosis.verdict.words.doubt import doubt
 from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
+from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.wording import capital, plain
 
 #: Effects from which on the verdict is told by what is known of each. Derived: for fewer there are words.
@@ -45,10 +46,9 @@ def words_of(v: VerdictData) -> Said:
     if open_ and v.asked and (why is None or why.reason is DoubtReason.SET_ASIDE):
         told = told.then("Other effects were not considered; where none is chosen, all that are known are.")
     if (lamp := next((c for c in v.cautions if c.warns is Warns.ANOTHER_LAMP), None)) is not None:
-        width = lamp.values["width_deg"]
-        told = told.after(
-            f"The beam of your scene's table is not in the readings, a Gaussian of {width:.3g} degrees is."
-        )
+        with_curve = any(BEAM_PROFILE in one.effects for one in v.explanations[:1])
+        is_there = "" if with_curve else f", a Gaussian of {lamp.values['width_deg']:.3g} degrees is"
+        told = told.after(f"The beam of your scene's table is not in the readings{is_there}.")
     return told.then(aside.sentence(v.set_aside, v.readings, v.several_wavelengths))
 
 

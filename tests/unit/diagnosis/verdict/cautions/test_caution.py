@@ -31,7 +31,8 @@ NUMBERS = {
     Warns.OF_BAND: {"ratio": 0.106},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
     Warns.COARSE_TABLE: {"step_deg": 1.5, "percent": 2.3},
-    Warns.ANOTHER_LAMP: {"width_deg": 5.21, "fewer": 14.0},
+    Warns.BEYOND_TABLE: {"beyond": 17.0, "readings": 65.0, "from_deg": 9.7},
+    Warns.ANOTHER_LAMP: {"width_deg": 5.21, "better": 14.0},
     Warns.NOT_CONVERGED: {"gain": 12.0, "sigma": 3.5},
     Warns.NOT_CONFIRMED: {"fitted_percent": 0.42, "rendered_percent": 3.1},
 }
