@@ -50,6 +50,7 @@ def test_a_band_is_lit_as_by_grey_water_of_its_own(light: tuple[np.ndarray, np.n
         assert misfit(0.25 * 550 / nm) < 2 < 5 < misfit(0.25)
 
 
+@pytest.mark.slow
 def test_the_slope_is_found_beside_the_scattering(light: tuple[np.ndarray, np.ndarray]) -> None:
     """Of another simulator's readings "background spectrum" was called certain, and absorption was 5 errors
     off."""

@@ -152,7 +152,12 @@ def test_a_lamp_that_swings_in_time_is_not_nothing() -> None:
     ("name", "factor", "curve"),
     [
         ("step_in_time", lambda t: 1 + 0.03 * (t.time_s > 900.0), "lamp_power_curve"),
-        ("plume", lambda t: 1 + 0.06 * np.exp(-(((t.x_m / t.z_m - 0.04) / 0.015) ** 2)), "beam_profile"),
+        pytest.param(
+            "plume",
+            lambda t: 1 + 0.06 * np.exp(-(((t.x_m / t.z_m - 0.04) / 0.015) ** 2)),
+            "beam_profile",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_what_a_curve_follows_halfway_is_no_larger_noise(

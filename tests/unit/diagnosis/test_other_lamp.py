@@ -36,7 +36,7 @@ def found(exponent: float, folder: Path, seed: int) -> Diagnosis:
     return diagnose(table, believed, diffuse=None, only=ONLY, advise=False)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_plain_beam_in_its_place_leaves_what_is_there(seed: int, tmp_path: Path) -> None:
     """Beside a curve in the table's place, gradients and backgrounds stood in for what no curve follows."""
     one = found(3.0, tmp_path, seed)

@@ -50,7 +50,14 @@ def half_width_m(field: Light) -> float:
 
 @pytest.mark.parametrize(
     ("pixels", "hwhm_deg", "halo"),
-    [(24, 3.0, 0.0), (25, 6.0, 0.0), (65, 3.0, 0.0), (65, 9.0, 0.0), (65, 3.0, 0.3), (65, 9.0, 0.3)],
+    [
+        (24, 3.0, 0.0),
+        (25, 6.0, 0.0),
+        pytest.param(65, 3.0, 0.0, marks=pytest.mark.slow),
+        pytest.param(65, 9.0, 0.0, marks=pytest.mark.slow),
+        (65, 3.0, 0.3),
+        pytest.param(65, 9.0, 0.3, marks=pytest.mark.slow),
+    ],
 )
 def test_axis_and_width_are_those_of_the_light_itself(pixels: int, hwhm_deg: float, halo: float) -> None:
     """Also where scattered light, wider by half, lies over the straight light, in cells of half of its width

@@ -61,7 +61,7 @@ def rendered(there: Scene, seed: int, photons: float) -> tuple[np.ndarray, np.nd
     return rendered_light(there, readings, seed=seed, rel_error=0.002, max_photons=photons)
 
 
-@pytest.mark.parametrize("seed", [5, 6, 7])
+@pytest.mark.parametrize("seed", [5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6, 7))])
 def test_between_walls_b_of_another_valley_is_not_taken_for_the_truth(seed: int) -> None:
     """White walls: of light of the very trace absorption was 0.082 ± 0.011 for 0.05, and b 0 ± 0.05 for 0.3,
     at the bottom of a valley of chi-square 3.9 above that of the truth."""
