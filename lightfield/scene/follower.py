@@ -111,8 +111,8 @@ class Mission(Part):
         "field",
         "light that the follower believes in: the traced field of the scene; or the formula, with K and gain "
         "fitted in this water, with the true c and lamp power, with K and gain from clear water, or with K "
-        "fitted and only relative readings. In the field it learns gain, water and the lamp's direction on "
-        "its way, as far as they are not known; by the formula it takes every reading by itself",
+        "fitted and only relative readings. In the field it learns gain and water on its way, as far "
+        "as they are not known; by the formula it takes every reading by itself",
         NOTHING,
     )
     law: Literal["pid", "sliding", "lqr"] = declare("pid", "of control", NOTHING)

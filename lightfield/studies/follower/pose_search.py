@@ -28,6 +28,9 @@ LITTLE, STIFFEST = 1e-6, 1e10
 MOST_STEPS = 60
 #: Largest change in one step of the logarithm of the gain, or of what else is not known (chosen).
 LONGEST_STEP = 0.5
+#: A search of so few steps begins near its end: slopes by the pose in the water that is believed in lead it.
+#: Where it ends the readings say (chosen).
+FEW_STEPS = 3
 #: Least curvature of a coordinate, in the units of `information`: keeps dark starts from dividing by nothing.
 TINY = 1e-30
 #: Angles, rad, up to which the follower may be turned (chosen: 35 degrees, beyond it loses sight of the
@@ -119,12 +122,18 @@ class WithUnknowns:
         by = np.concatenate([np.ones((*believed.shape, self._gain)), by], axis=2)
         return believed * np.exp(np.einsum("snk,sk->sn", by, unknown)), by
 
-    def slopes(self, poses: Array, unknown: Array, read: Array, by: Array) -> Array:
-        """Of the readings by pose and unknowns, shape (s, n_elements, n + k), from what `read` answers."""
+    def slopes(self, poses: Array, unknown: Array, read: Array, by: Array, led: bool = False) -> Array:
+        """Of the readings by pose and unknowns, shape (s, n_elements, n + k), from what `read` answers.
+
+        Parameters
+        ----------
+        led : bool
+            Those by the pose are wanted to lead a search alone: as they are in what is believed.
+        """
         others = self.unknowns[self._gain :]
         believed, far = read * np.exp(-np.einsum("snk,sk->sn", by, unknown)), unknown[:, self._gain :]
         own = of_logarithms(self.model.by_pose(poses, self.names), believed)
-        if others:
+        if others and not led:
             bent = np.einsum("snki,sk->sni", self.model.by_both(poses, self.names, others), far)
             along = np.einsum("snk,sk->sn", by[..., self._gain :], far)
             own += of_logarithms(bent, believed) - along[..., None] * own
@@ -194,11 +203,11 @@ def find_minima(
     chi2, damping = (r**2).sum(axis=1), np.full(len(poses), DAMPING)
     slopes = np.zeros((len(poses), wide[1] + count, len(at) + count))
     slopes[:, wide[1] :, len(at) :] = root
-    stale = going.copy()
+    stale, few = going.copy(), most_steps <= FEW_STEPS
     for _ in range(most_steps):
         fresh = going & stale
         if fresh.any():
-            every = light.slopes(poses[fresh], unknown[fresh], read[fresh], by[fresh])
+            every = light.slopes(poses[fresh], unknown[fresh], read[fresh], by[fresh], led=few)
             slopes[fresh, : wide[1]] = every * weight[fresh][:, :, None]
         j = slopes[going]
         if box is not None:

@@ -8,17 +8,25 @@ import numpy as np
 from scipy.stats import chi2
 
 from lightfield.arrays import Array, Mask
-from lightfield.studies.follower.array_light import ArrayModel, Space
+from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel, Space
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.estimation.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.estimation.tracking import Filter
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.pose_search import Beforehand, WithUnknowns, box_of, find_minima, gain_first
+from lightfield.studies.follower.information import LEAST_INFORMATION
+from lightfield.studies.follower.pose_search import (
+    FEW_STEPS,
+    Beforehand,
+    WithUnknowns,
+    box_of,
+    find_minima,
+    gain_first,
+)
 from lightfield.studies.follower.rival_poses import NEAR_SIGMA
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a
 #: second before are as good as six (scatter of the estimates the same to 1 %).
-STEPS, STEPS_FROM_AFAR = 3, 60
+STEPS, STEPS_FROM_AFAR = FEW_STEPS, 60
 
 
 class Observer:
@@ -43,11 +51,16 @@ class Observer:
         *,
         learns: bool,
     ) -> None:
-        self.light = WithUnknowns(model, tuple(names), gain_first(unknown))
+        sought = [name for name in unknown if name not in LAMP_TILTS]
+        self.light = WithUnknowns(model, tuple(names), gain_first(sought))
         self.noise, self.box = noise, box_of(space)
         self._sigmas = np.minimum([float(unknown[name]) for name in self.light.unknowns], FREE)
+        # A lamp that points elsewhere and a follower that stands elsewhere are alike but for second orders,
+        # of which a filter would learn what is not so (Julier and Uhlmann 2001, ICRA, 4238).
+        self._tilts = {name: float(sigma) for name, sigma in unknown.items() if name in LAMP_TILTS}
         self._learns = learns
-        self.filter = Filter(names, count, self._sigmas.tolist() if learns else ())
+        considered = len(model.elements) + len(self._tilts)
+        self.filter = Filter(names, count, self._sigmas.tolist() if learns else (), considered)
         self._starts = Estimator(model, noise, self.light.names, {}, space).starts()
         self.lit: Mask = np.zeros(count, bool)
         self.used: Mask = self.lit
@@ -92,37 +105,51 @@ class Observer:
                 found.unknown[best],
                 found.chi2[best],
             )
-        scatter, certain = self._scatter(poses, unknown, variance)
+        scatter, common, certain = self._scatter(poses, unknown, variance)
         measured, n = poses[:, self.filter.at], len(self.filter.at)
         if self._learns:
             # As the reading tells alone: what was known beforehand drew the unknowns, and the pose with them.
             drawn = np.swapaxes(root, 1, 2) @ root @ (unknown - mean)[..., None]
             measured = np.concatenate([measured, unknown], axis=1) + (scatter[:, :, n:] @ drawn)[..., 0]
         else:
-            scatter = scatter[:, :n, :n]
+            scatter, common = scatter[:, :n, :n], common[:, :n]
+        # Unlike elements are in the scatter of single readings; what the lamp's direction makes is beside it.
+        turned = common[:, :, len(self.light.model.elements) :]
+        scatter = scatter + turned @ np.swapaxes(turned, 1, 2)
         # Readings that fit badly are worse than their noise says, by the root of chi2 over its degrees of
         # freedom (Birge 1932, Phys. Rev. 40, 207). Else a filter that believes a wrong light refuses all.
         leeway = np.maximum(1.0, misfit / free)
-        _, self.used = self.filter.correct(measured, scatter, self.lit & certain, leeway)
+        _, self.used = self.filter.correct(measured, scatter, self.lit & certain, leeway, common)
         unlikely = self.lit & (chi2.sf(misfit, free) < DOUBTFUL)
         self._unlikely = np.where(unlikely, self._unlikely + 1, 0)
         self.doubtful = self._unlikely >= IN_A_ROW
 
-    def _scatter(self, poses: Array, unknown: Array, variance: Array) -> tuple[Array, Mask]:
-        """Covariances of poses and unknowns by single readings, (count, n + k, n + k); which are finite."""
+    def _scatter(self, poses: Array, unknown: Array, variance: Array) -> tuple[Array, Array, Mask]:
+        """Covariances of poses and unknowns by single readings, shape (count, n + k, n + k).
+
+        Of these, what elements that are unlike, and the lamp's direction, make of them, shape
+        (count, n + k, n_elements + n_tilts); and which are finite, shape (count,).
+        """
         read, by = self.light.read(poses, unknown)
         slopes = self.light.slopes(poses, unknown, read, by) / np.sqrt(variance)[:, :, None]
         information = np.swapaxes(slopes, 1, 2) @ slopes
         # Where they are learned a hint is enough to part those that act alike, as a and b in straight light.
         told = (HINT if self._learns else 1.0) * self._sigmas**-2.0
         information += np.diag(np.concatenate([np.zeros(len(self.light.names)), told]))
-        scale = 1 / np.sqrt(np.maximum(np.einsum("sii->si", information), np.finfo(float).tiny))
+        own = np.einsum("sii->si", information)
+        scale = 1 / np.sqrt(np.maximum(own, LEAST_INFORMATION))
         scaled = information * scale[:, :, None] * scale[:, None, :]
-        certain = np.linalg.cond(scaled) < 1 / CERTAIN
+        certain = (own[:, : len(self.light.names)] > LEAST_INFORMATION).all(axis=1) & (
+            np.linalg.cond(scaled) < 1 / CERTAIN
+        )
         found = np.tile(np.eye(len(scale[0])), (len(poses), 1, 1))
         if certain.any():
             found[certain] = np.linalg.inv(scaled[certain]) * (scale[:, :, None] * scale[:, None, :])[certain]
-        return found, certain
+        unlike = np.eye(read.shape[1]) * (self.noise.mismatch * read)[:, None, :]
+        turned = self.light.model.by_nuisances(poses, list(self._tilts)) * list(self._tilts.values())
+        turned *= self.light.gains(unknown)[:, None, None]
+        constants = np.concatenate([unlike, turned], axis=2) / np.sqrt(variance)[:, :, None]
+        return found, found @ np.swapaxes(slopes, 1, 2) @ constants, certain
 
 
 #: Part of what is known of the unknowns beforehand that every reading is taken to tell (chosen: a thousand

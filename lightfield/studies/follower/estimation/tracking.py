@@ -3,6 +3,7 @@
     state  (p, v, u),   p' = p + v dt,   v' = v + white acceleration    (Bar-Shalom et al. 2001, section 6.2)
 
 u is what else a vehicle may seek on its way, as gain and water; it wanders slowly about what is believed.
+What is only considered, as unlike elements, is in how well all else is known.
 `Tracker` seeks nothing beside the pose: only the noise of single readings is averaged away. What gain,
 mismatch, water and lamp leave unknown, and which of several poses it is, is nearly the same in every reading,
 and is added afterwards.
@@ -79,6 +80,9 @@ class Filter:
         Vehicles.
     beside : sequence of float
         Standard deviations, in the long run, of k unknowns that are followed too.
+    considered : int
+        Independent constants, e of them, that readings may be off by and that are not sought: how unlike the
+        elements are. How well all else is known allows for them (Schmidt 1966, Adv. Control Syst. 3, 293).
 
     Attributes
     ----------
@@ -89,12 +93,15 @@ class Filter:
         Readings in a row that were not used.
     """
 
-    def __init__(self, names: Sequence[str], count: int = 1, beside: Sequence[float] = ()) -> None:
+    def __init__(
+        self, names: Sequence[str], count: int = 1, beside: Sequence[float] = (), considered: int = 0
+    ) -> None:
         self.at = [POSE.index(name) for name in names]
         n, self._beside = len(self.at), np.array(beside, float)
         size = 2 * n + len(self._beside)
         self._measured = [*range(n), *range(2 * n, size)]
         self.state, self.covariance = np.zeros((count, size)), np.zeros((count, size, size))
+        self._shared = np.zeros((count, size, considered))  # covariance with what is considered
         self.known, self.refused = np.zeros(count, bool), np.zeros(count, int)
 
     @property
@@ -132,9 +139,15 @@ class Filter:
         )
         self.state = self.state @ move.T
         self.covariance = move @ self.covariance @ move.T + grown
+        self._shared = move @ self._shared
 
     def correct(
-        self, measured: Array, noise: Array, found: Mask, leeway: Array | float = 1.0
+        self,
+        measured: Array,
+        noise: Array,
+        found: Mask,
+        leeway: Array | float = 1.0,
+        common: Array | None = None,
     ) -> tuple[Array, Mask]:
         """Take up one pose each, and its unknowns, where one was `found`.
 
@@ -144,6 +157,8 @@ class Filter:
             As the reading alone tells, and covariances.
         leeway : array, shape (count,)
             Factor of the squared distance at which a pose is refused.
+        common : array, shape (count, n + k, e), optional
+            Of `noise`, what one standard deviation of each constant makes that is considered.
 
         Returns
         -------
@@ -157,27 +172,37 @@ class Filter:
         self.state[anew] = 0.0
         self.state[anew, :n] = measured[anew, :n]
         nothing = np.concatenate([np.full(n, NOTHING_M), RATE_SIGMA[self.at], self._beside])
-        self.covariance[anew] = np.diag(nothing**2)
+        self.covariance[anew], self._shared[anew] = np.diag(nothing**2), 0.0
+        common = self._shared[:, at] * 0.0 if common is None else common
         taken = np.flatnonzero(found & (self.known | anew))
         if len(taken):
             apart = measured[taken] - self.state[taken][:, at]
             turns = [k for k, one in enumerate(self.at) if one >= 3]
             apart[:, turns] = wrapped(apart[:, turns])
-            before, scatter = self.covariance[taken], noise[taken]
-            spread = before[:, at][:, :, at] + scatter
+            before, scatter, shared = self.covariance[taken], noise[taken], self._shared[taken]
+            by = np.swapaxes(common[taken], 1, 2)
+            # Of what is known with what is measured.
+            both = before[:, :, at] + shared @ by
+            spread = (
+                before[:, at][:, :, at] + scatter + shared[:, at] @ by + np.swapaxes(shared[:, at] @ by, 1, 2)
+            )
             far = (apart * np.linalg.solve(spread, apart[..., None])[..., 0]).sum(axis=1)
             innovation[taken] = np.where(anew[taken], np.nan, far)
             likely = anew[taken] | (
                 chi2.sf(far / np.broadcast_to(leeway, len(found))[taken], len(at)) >= GATE
             )
-            gain = np.swapaxes(np.linalg.solve(spread, before[:, at]), 1, 2)
+            gain = np.swapaxes(np.linalg.solve(spread, np.swapaxes(both, 1, 2)), 1, 2)
+            back = np.swapaxes(gain, 1, 2)
             # Joseph's form keeps it positive.
             rest = np.tile(np.eye(before.shape[1]), (len(taken), 1, 1))
             rest[:, :, at] -= gain
-            after = rest @ before @ np.swapaxes(rest, 1, 2) + gain @ scatter @ np.swapaxes(gain, 1, 2)
+            mixed = rest @ shared @ by @ back
+            after = rest @ before @ np.swapaxes(rest, 1, 2) + gain @ scatter @ back
+            after -= mixed + np.swapaxes(mixed, 1, 2)
             up = taken[likely]
             self.state[up] += (gain @ apart[..., None])[likely, :, 0]
             self.covariance[up] = after[likely]
+            self._shared[up] = (rest @ shared - gain @ common[taken])[likely]
             used[up] = True
         self.known |= used
         self.refused = np.where(used, 0, self.refused + 1)
