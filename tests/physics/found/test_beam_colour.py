@@ -21,6 +21,7 @@ SCENE = Scene.from_dict(
 )
 
 
+@pytest.mark.slow
 def test_its_slope_is_found_beside_the_scattering() -> None:
     """Of another simulator's readings nothing was certain after minutes, and walls were told to be white.
 

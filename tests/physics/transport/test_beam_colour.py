@@ -68,6 +68,7 @@ def test_maps_are_those_of_the_lamp_of_each_colour(plain_maps: tuple[np.ndarray,
     assert straight + rest == pytest.approx(found, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_a_sweep_has_the_maps_of_a_render(tmp_path: Path) -> None:
     scene, store = tmp_path / "scene.toml", tmp_path / "colours.zarr"
     scene.write_text(SCENE.to_toml())

@@ -21,6 +21,7 @@ from lightfield.sweep import work
 HELD_BY_THE_PARENT = 600 * 10**6
 
 
+@pytest.mark.slow
 def test_a_worker_of_a_large_process_reports_its_own_memory() -> None:
     held = np.ones(HELD_BY_THE_PARENT // 8)
     ask = "from lightfield.sweep.work import peak_bytes; print(peak_bytes())"

@@ -121,6 +121,7 @@ def test_light_that_no_lamp_makes_is_an_error_of_the_unit() -> None:
         diagnose(*absolute(1e6), diffuse=None, advise=False)
 
 
+@pytest.mark.slow
 def test_by_hand_with_and_without() -> None:
     table, scene = absolute(100.0)
     free = fit_readings(table, scene)

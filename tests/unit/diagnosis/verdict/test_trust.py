@@ -30,10 +30,10 @@ SAY_NOTHING = (
     ("constant", "3 times too large", 0),
     ("constant", "10 times too small", 3),
 )
-#: One of every kind.
+#: One of every kind but one that takes long.
 QUICK = (
-    ("uniform", "10 times too large", 0), ("lognormal", "none", 0), ("permuted", "none", 0),
-    ("constant", "3 times too large", 0), ("quantised", "none", 0), ("two lamps mixed", "none", 0),
+    ("uniform", "10 times too large", 0), ("lognormal", "none", 0), ("constant", "3 times too large", 0),
+    ("quantised", "none", 0), ("two lamps mixed", "none", 0),
 )  # fmt: skip
 
 

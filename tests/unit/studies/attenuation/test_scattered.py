@@ -120,7 +120,7 @@ def test_for_every_b_chi_square_is_the_least(seed: int) -> None:
             assert (found.chi2[node, colour], found.a[node, colour]) == pytest.approx(expected, rel=1e-5)
 
 
-@pytest.mark.parametrize(("a", "b"), [(0.05, 0.3), (0.1, 0.0)])
+@pytest.mark.parametrize(("a", "b"), [pytest.param(0.05, 0.3, marks=pytest.mark.slow), (0.1, 0.0)])
 def test_under_a_surface_water_is_sought_beyond_what_k_shows(a: float, b: float) -> None:
     """A surface 1.2 m above a beam of 20 degrees sends back so much that K is a third of the absorption.
 

@@ -43,6 +43,7 @@ def test_the_spot_is_told_as_far_as_the_tank_has_room_for_it(offset_m: float) ->
         assert float(spot.sel(z_m=z)) == pytest.approx(expected(z), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_far_light_that_no_photon_tells_is_not_told() -> None:
     """Coastal water of 2.5 per m, asked about as far as a clear tank: the curve rose to 1e69 at 6.5 m.
 
