@@ -74,14 +74,13 @@ def test_the_spot_of_a_table_is_that_of_the_beam_that_is_tabulated(tmp_path) -> 
     np.testing.assert_allclose(found.dataset.half_radius_m, known.dataset.half_radius_m, rtol=1e-3)
 
 
+STEEP = {"profile": "super-gaussian", "shape_exponent": 50.0, "hwhm_deg": 8.0}
+
+
 @pytest.mark.parametrize(
     ("parts", "half_deg"),
     [
-        pytest.param(
-            {"lamp": {"profile": "super-gaussian", "shape_exponent": 50.0, "hwhm_deg": 8.0}},
-            8.0,
-            marks=pytest.mark.slow,
-        ),
+        pytest.param({"lamp": STEEP}, 8.0, marks=pytest.mark.slow),
         ({"lamp": {"hwhm_deg": 8.0}, "detector": {"quantity": "radiance", "full_angle_deg": 2.0}}, 1.0),
     ],
 )
