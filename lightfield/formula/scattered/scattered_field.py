@@ -56,10 +56,10 @@ from lightfield.storage.tables import kept_by_tables
 #: Angles to the axis at which light is worked out, at least and for every factor of e beyond a wide one
 #: (tangent), and the power in which they grow.
 _ANGLES, _PER_ANGLE, _WIDE, _GROW = 5, 5, 0.1, 1.4
-#: So many times as many for beams of so many times a Gaussian's nodes about their paths: light that is
-#: scattered by little follows an edge. Single scattering beside a super-Gaussian of exponent 12 is right to
-#: 0.1 % then (to 3 % at its edge with as many as a Gaussian has).
-_MORE_ANGLES = {1: 1, 2: 1, 3: 2, 5: 2}
+#: Beams that take so many times a Gaussian's nodes about their paths have twice as many angles: light that is
+#: scattered by little follows an edge. Single scattering beside a super-Gaussian of exponent 8 is right to
+#: 0.3 % then (to 3 % at the edge of one of exponent 12 with as many as a Gaussian has).
+_STEEP = 3
 #: Distances, at least and for every factor of e from the nearest to the farthest; part of the range that is
 #: added at its ends for tilts.
 _DISTANCES, _PER_E, _MORE = 3, 1.5, 0.05
@@ -297,7 +297,7 @@ def _times(lamp: Lamp) -> int:
 def _angles(most: float, times: int) -> Array:
     """Tangents of angles from the axis to the largest, for light that follows an edge so steep."""
     count = _ANGLES + math.ceil(_PER_ANGLE * math.asinh(most / _WIDE))
-    return np.asarray(most * np.linspace(0, 1, 1 + (count - 1) * _MORE_ANGLES[times]) ** _GROW)
+    return np.asarray(most * np.linspace(0, 1, 1 + (count - 1) * (2 if times >= _STEEP else 1)) ** _GROW)
 
 
 def _spline(angles: Array) -> CubicSpline:

@@ -87,6 +87,7 @@ class Beforehand:
 
 
 def gain_first(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of what is not known, in the order in which `WithUnknowns` has them."""
     return tuple(sorted(names, key=lambda name: name != "gain"))
 
 

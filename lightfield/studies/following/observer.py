@@ -54,6 +54,7 @@ class Observer:
         sought = [name for name in unknown if name not in LAMP_TILTS]
         self.light = WithUnknowns(model, tuple(names), gain_first(sought))
         self.noise, self.box = noise, box_of(space)
+        self._free = max(len(model.elements) - len(names), 1)
         self._sigmas = np.minimum([float(unknown[name]) for name in self.light.unknowns], FREE)
         # A lamp that points elsewhere and a follower that stands elsewhere are alike but for second orders,
         # of which a filter would learn what is not so (Julier and Uhlmann 2001, ICRA, 4238).
@@ -73,14 +74,37 @@ class Observer:
         dark = float(np.sqrt(self.noise.variance(np.zeros(readings.shape[1]))).max())
         self.lit = readings.max(axis=1) > LOST_SIGMA * max(dark, np.finfo(float).tiny)
         variance = np.maximum(self.noise.variance(readings), np.finfo(float).tiny)
-        poses, misfit = self.filter.poses, np.zeros(len(readings))
         anew = self.filter.sees_nothing_familiar
-        count, k = len(poses), len(self._sigmas)
+        count, k = len(readings), len(self._sigmas)
         believed = np.zeros((count, k)), np.tile(np.diag(self._sigmas**2), (count, 1, 1))
         mean, covariance = self.filter.beside(anew) if self._learns else believed
         root = np.linalg.inv(np.linalg.cholesky(covariance))
+        poses, unknown, misfit = self._nearest(readings, variance, mean, root, anew)
+        scatter, common, certain = self._scatter(poses, unknown, variance)
+        measured, n = poses[:, self.filter.at], len(self.filter.at)
+        if self._learns:
+            # As the reading tells alone: what was known beforehand drew the unknowns, and the pose with them.
+            drawn = np.swapaxes(root, 1, 2) @ root @ (unknown - mean)[..., None]
+            measured = np.concatenate([measured, unknown], axis=1) + (scatter[:, :, n:] @ drawn)[..., 0]
+        else:
+            scatter, common = scatter[:, :n, :n], common[:, :n]
+        # Unlike elements are in the scatter of single readings; what the lamp's direction makes is beside it.
+        turned = common[:, :, len(self.light.model.elements) :]
+        scatter = scatter + turned @ np.swapaxes(turned, 1, 2)
+        # Readings that fit badly are worse than their noise says, by the root of chi2 over its degrees of
+        # freedom (Birge 1932, Phys. Rev. 40, 207). Else a filter that believes a wrong light refuses all.
+        leeway = np.maximum(1.0, misfit / self._free)
+        _, self.used = self.filter.correct(measured, scatter, self.lit & certain, leeway, common)
+        unlikely = self.lit & (chi2.sf(misfit, self._free) < DOUBTFUL)
+        self._unlikely = np.where(unlikely, self._unlikely + 1, 0)
+        self.doubtful = self._unlikely >= IN_A_ROW
+
+    def _nearest(
+        self, readings: Array, variance: Array, mean: Array, root: Array, anew: Mask
+    ) -> tuple[Array, Array, Array]:
+        """Poses, unknowns and chi-square of readings, from what is expected, or from anywhere."""
+        poses, misfit, free = self.filter.poses, np.zeros(len(readings)), self._free
         unknown = mean.copy()
-        free = max(readings.shape[1] - len(self.light.names), 1)
         expected = np.clip(poses, *self.box)
         familiar, strange = np.flatnonzero(self.lit & ~anew), np.flatnonzero(self.lit & anew)
         for which, more, steps in ((familiar, 0, STEPS), (strange, len(self._starts), STEPS_FROM_AFAR)):
@@ -105,24 +129,7 @@ class Observer:
                 found.unknown[best],
                 found.chi2[best],
             )
-        scatter, common, certain = self._scatter(poses, unknown, variance)
-        measured, n = poses[:, self.filter.at], len(self.filter.at)
-        if self._learns:
-            # As the reading tells alone: what was known beforehand drew the unknowns, and the pose with them.
-            drawn = np.swapaxes(root, 1, 2) @ root @ (unknown - mean)[..., None]
-            measured = np.concatenate([measured, unknown], axis=1) + (scatter[:, :, n:] @ drawn)[..., 0]
-        else:
-            scatter, common = scatter[:, :n, :n], common[:, :n]
-        # Unlike elements are in the scatter of single readings; what the lamp's direction makes is beside it.
-        turned = common[:, :, len(self.light.model.elements) :]
-        scatter = scatter + turned @ np.swapaxes(turned, 1, 2)
-        # Readings that fit badly are worse than their noise says, by the root of chi2 over its degrees of
-        # freedom (Birge 1932, Phys. Rev. 40, 207). Else a filter that believes a wrong light refuses all.
-        leeway = np.maximum(1.0, misfit / free)
-        _, self.used = self.filter.correct(measured, scatter, self.lit & certain, leeway, common)
-        unlikely = self.lit & (chi2.sf(misfit, free) < DOUBTFUL)
-        self._unlikely = np.where(unlikely, self._unlikely + 1, 0)
-        self.doubtful = self._unlikely >= IN_A_ROW
+        return poses, unknown, misfit
 
     def _scatter(self, poses: Array, unknown: Array, variance: Array) -> tuple[Array, Array, Mask]:
         """Covariances of poses and unknowns by single readings, shape (count, n + k, n + k).

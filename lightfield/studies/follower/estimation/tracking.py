@@ -173,7 +173,7 @@ class Filter:
         self.state[anew, :n] = measured[anew, :n]
         nothing = np.concatenate([np.full(n, NOTHING_M), RATE_SIGMA[self.at], self._beside])
         self.covariance[anew], self._shared[anew] = np.diag(nothing**2), 0.0
-        common = self._shared[:, at] * 0.0 if common is None else common
+        common = np.zeros_like(self._shared[:, at]) if common is None else common
         taken = np.flatnonzero(found & (self.known | anew))
         if len(taken):
             apart = measured[taken] - self.state[taken][:, at]
