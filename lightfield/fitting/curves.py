@@ -33,7 +33,7 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.curve import Nodes, integral_to, sum_of, value_at
 from lightfield.scene.lamp.frame import beam_angles
-from lightfield.scene.lamp.profile import effective_angles
+from lightfield.scene.lamp.section import effective_angles
 from lightfield.scene.parameters import Parameter
 
 PROFILE, ABSORPTION, POWER = (

@@ -12,7 +12,7 @@ from lightfield.arrays import Array
 from lightfield.formula.own_formulas import on_path
 from lightfield.formula.scattered.quadrature import Quadrature, finest_rad, interval
 from lightfield.scene import Detector, Lamp, Scene
-from lightfield.scene.lamp.frame import narrowest_section
+from lightfield.scene.lamp.section import section_widths
 from lightfield.scene.receiver import half_view_rad
 
 #: Points along a side of a cell where a field is smooth (Gauss-Legendre); where its edge is sharp (even ones)
@@ -68,7 +68,7 @@ def _finest_m(lamp: Lamp, z_m: float) -> float:
     away = z_m + lamp.apparent_distance_m
     if lamp.profile == "isotropic":
         return _OF_DISTANCE * away
-    return away * min(math.tan(narrowest_section(lamp) * finest_rad(lamp)), _OF_DISTANCE)
+    return away * min(math.tan(section_widths(lamp)[0] * finest_rad(lamp)), _OF_DISTANCE)
 
 
 def _seen_m(detector: Detector, z_m: float) -> float | None:

@@ -28,7 +28,8 @@ from lightfield.scene.bands import read_nm
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.colour import REFERENCE_NM, wider_in_colour
 from lightfield.scene.lamp.frame import beam_angles, is_ahead, through_window
-from lightfield.scene.lamp.profile import LN2, effective_angles, relative_intensity
+from lightfield.scene.lamp.profile import LN2, relative_intensity
+from lightfield.scene.lamp.section import effective_angles
 from lightfield.scene.parameters import switched_off
 from lightfield.scene.receiver import half_view_rad, response
 

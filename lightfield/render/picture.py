@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import acos, atan, degrees, hypot, radians, tan
+from math import acos, atan, degrees, radians, tan
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,7 @@ from lightfield.render.shown_as import Shown, ShownAs
 from lightfield.scene import Scene
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
 from lightfield.scene.lamp.profile import relative_intensity
+from lightfield.scene.lamp.section import section_widths
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, known_nm, molecular_per_m, scattering_per_m
@@ -207,8 +208,7 @@ def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
     """The beam as an image thrown by a projector, and a small dark housing behind it."""
     lamp = lit(scene).lamp
     skirt = lamp.skirt_hwhm_deg if lamp.skirt_fraction > 0 else 0.0
-    widest = max(1.0, lamp.ellipticity) * (1.0 + hypot(lamp.asymmetry_x, lamp.asymmetry_y))
-    half_deg = min(max(3.2 * stated_width_deg(lamp) * widest, 2.5 * skirt, 4.0), 70.0)
+    half_deg = min(max(3.2 * stated_width_deg(lamp) * section_widths(lamp)[1], 2.5 * skirt, 4.0), 70.0)
     reach = tan(radians(half_deg))
     u = (np.arange(BEAM_PIXELS) + 0.5) / BEAM_PIXELS * 2 - 1
     # Row 0 of the projected image is up, column 0 is on the left of someone looking along the beam: +x.

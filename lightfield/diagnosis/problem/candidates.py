@@ -46,6 +46,7 @@ UNMET: Mapping[str, Hinders] = {
     "vary_x": Hinders.ONE_X,
     "vary_y": Hinders.ONE_Y,
     "vary_z": Hinders.ONE_DISTANCE,
+    "oblique": Hinders.ON_A_CROSS,
     "off_axis": Hinders.ON_AXIS,
     "time": Hinders.NO_TIMES,
     "to_and_fro": Hinders.ONE_WAY,
@@ -58,6 +59,7 @@ UNMET: Mapping[str, Hinders] = {
     "absolute": Hinders.RELATIVE,
     "relative": Hinders.ABSOLUTE,
     "formula_beam": Hinders.TABLE_BEAM,
+    "table_beam": Hinders.FORMULA_BEAM,
     "known_base": Hinders.ABSORPTION_FREE,
 }
 
@@ -108,6 +110,7 @@ class Setting:
             motion = motion_of(layout.x_m, layout.y_m, layout.z_m, layout.time_s)
             return motion is not None and motion.to_and_fro
         return {
+            "oblique": bool(np.minimum(abs(layout.x_m), abs(layout.y_m)).max() > LEAST_RANGE),
             "off_axis": bool(layout.angle_rad.max() > LEAST_RANGE),
             "time": layout.has_time,
             "absolute": self.absolute,
@@ -119,6 +122,7 @@ class Setting:
             "spectral": int(layout.channel.max()) >= 2,
             "overlap": _overlaps(layout.wavelength_nm),
             "formula_beam": self.scene.lamp.profile != "table",
+            "table_beam": self.scene.lamp.profile == "table",
             # In fewer than three bands it is the bands that are missing, not the spectrum.
             "known_base": self.scene.get("water.base") != "none" or int(layout.channel.max()) < 2,
         }[need]

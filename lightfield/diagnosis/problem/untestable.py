@@ -12,6 +12,7 @@ class Hinders(str, Enum):
 
     ONE_X = "one x"
     ONE_Y = "one y"
+    ON_A_CROSS = "x or y zero"
     ONE_DISTANCE = "one distance"
     ON_AXIS = "on the axis only"
     NO_TIMES = "no times"
@@ -25,6 +26,7 @@ class Hinders(str, Enum):
     RELATIVE = "relative scale"
     ABSOLUTE = "absolute scale"
     TABLE_BEAM = "beam is a table"
+    FORMULA_BEAM = "beam is no table"
     ABSORPTION_FREE = "absorption free at every wavelength"
     NOT_TRACED = "not traced"
     LAMP = "light of this lamp cannot be followed"
@@ -72,6 +74,7 @@ def in_words(hindrances: Iterable[Hindrance]) -> str:
 _WORDS = {
     Hinders.ONE_X: "all readings have the same x",
     Hinders.ONE_Y: "all readings have the same y",
+    Hinders.ON_A_CROSS: "no reading is off the axis in x and in y at once",
     Hinders.ONE_DISTANCE: "all readings are at one distance",
     Hinders.ON_AXIS: "all readings are on the axis",
     Hinders.NO_TIMES: "the readings carry no times",
@@ -86,6 +89,7 @@ _WORDS = {
     Hinders.RELATIVE: "the readings are on a relative scale",
     Hinders.ABSOLUTE: "the readings are on an absolute scale, where the lamp's spectrum is asked about; say "
     "that they are relative",
+    Hinders.FORMULA_BEAM: "the scene's beam is no table; its width is free",
     Hinders.TABLE_BEAM: "the scene's beam is a table, which is no Gaussian; how it differs is beam_profile",
     Hinders.ABSORPTION_FREE: "the absorption is free at every wavelength; give the scene a base water "
     "spectrum",

@@ -45,7 +45,7 @@ EFFECTS = (
         "Measure the lamp in air at one range with a fine angular step and use that table; behind a flat "
         "window its angles are 1.34 times those in water (lamp.table_width = 0.746).",
         needs=("off_axis",),
-        contains=("beam_shape", "beam_skirt"),
+        contains=("beam_shape", "table_width", "beam_skirt"),
     ),
     Effect(
         "attenuation_profile",

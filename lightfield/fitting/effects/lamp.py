@@ -82,6 +82,16 @@ EFFECTS = (
         needs=("off_axis", "formula_beam"),
     ),
     Effect(
+        "table_width",
+        "beam shape",
+        (Form("wider than its table", (Free("lamp.table_width", 0.5, 2.0, 0.02),)),),
+        "The beam is wider or narrower than its table by one factor: it is of air, or of another lamp.",
+        "A function of the angle alone: largest where the beam is steepest.",
+        "Measure the half width at one distance; a table measured in air, of a lamp behind a flat window, "
+        "has angles 1.34 times those in water (lamp.table_width = 0.746).",
+        needs=("off_axis", "table_beam"),
+    ),
+    Effect(
         "beam_skirt",
         "beam shape",
         (
@@ -99,9 +109,18 @@ EFFECTS = (
     Effect(
         "beam_ellipticity",
         "beam shape",
-        (Form("elliptic", (Free("lamp.ellipticity", 0.4, 2.5, 0.05),)),),
-        "The beam is wider along one transverse axis than along the other.",
-        "Too bright along x where it is too dark along y.",
+        (
+            Form("elliptic", (Free("lamp.ellipticity", 0.4, 2.5, 0.05),)),
+            Form(
+                "turned",
+                (
+                    Free("lamp.ellipticity", 0.4, 2.5, 0.05, needs=("oblique",)),
+                    Free("lamp.ellipticity_diagonal", 0.4, 2.5, 0.05, needs=("oblique",)),
+                ),
+            ),
+        ),
+        "The beam is wider along one direction across its axis than along the other, as a filament is long.",
+        "Too bright along one direction across the beam where it is too dark along the other.",
         "Turn the lamp by 90 degrees about its axis: the pattern turns with it.",
         needs=("vary_x", "vary_y"),
     ),

@@ -17,15 +17,16 @@ import numpy as np
 from lightfield.render.response.grid import AngleNodes
 from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.scene import Lamp
-from lightfield.scene.lamp.frame import beam_axes, is_lopsided
+from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.lamp.profile import relative_intensity, sections_of
+from lightfield.scene.lamp.section import is_lopsided, narrowing, widest_turn
 
 FINE = 4096  # steps in which the wished density is integrated
 # Steps of the cumulative distribution: even, then ever smaller towards 1, where a tail is thin and wide.
 EVEN, FIRST_OCTAVE, LAST_OCTAVE, PER_OCTAVE = 512, 4, 16, 8
 TABLE = 4096
-#: Turns at which the widest section of a measured beam is sought, and where that of a formula lies.
-TURNS, EXTREMES = 72, np.array([[0.0], [0.5 * pi]])
+#: Turns at which the widest section of a measured beam is sought.
+TURNS = 72
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,14 @@ class Emission:
             turns, sections = sections_of(lamp, np.linspace(0, 0.5 * pi, TABLE))
             self.table, self.turns = mi.Float(sections.ravel()), mi.Float(turns)
             self.sections = len(turns)
+        xx, xy, yy = narrowing(lamp)
         # Variables and not literals: another lamp needs no new kernel.
         self.value = {
             name: dr.opaque(mi.Float, value)
             for name, value in {
-                "ellipticity": lamp.ellipticity,
+                "narrow_xx": xx,
+                "narrow_xy": xy,
+                "narrow_yy": yy,
                 "asymmetry_x": lamp.asymmetry_x,
                 "asymmetry_y": lamp.asymmetry_y,
                 "hwhm": np.radians(lamp.hwhm_deg),
@@ -105,7 +109,7 @@ class Emission:
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
         """Intensity of the beam's widest section; for a tally by direction, of any beam asked later."""
         uneven = self.lamp.profile == "table" or is_lopsided(self.lamp)
-        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if uneven else EXTREMES
+        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if uneven else np.array([[widest_turn(self.lamp)]])
         across, up = np.cos(turns), np.sin(turns)
         if self.nodes is not None:
             # Splines over coarse outer rings lift a beam's tail: photons there must not be rare and heavy.
@@ -125,7 +129,11 @@ class Emission:
         value = self.value
         away = dr.maximum(dr.sqrt(theta_x * theta_x + theta_y * theta_y), 1e-20)
         wider = 1 + (value["asymmetry_x"] * theta_x + value["asymmetry_y"] * theta_y) / away
-        x, y = theta_x / wider, theta_y / (wider * value["ellipticity"])
+        x, y = theta_x / wider, theta_y / wider
+        x, y = (
+            value["narrow_xx"] * x + value["narrow_xy"] * y,
+            value["narrow_xy"] * x + value["narrow_yy"] * y,
+        )
         theta = dr.sqrt(x * x + y * y)
         if self.is_tabulated:
             if self.sections == 1:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.scene.acts import Acts
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import beam_table
-from lightfield.scene.parameters import switched_off
+from lightfield.scene.lamp.section import is_even
 
 Direction = tuple[float, float, float]
 #: x, y and z of a place in the tank, m.
@@ -35,25 +34,11 @@ def has_round_section(lamp: Lamp) -> bool:
     return is_even(lamp) and (lamp.profile != "table" or beam_table(str(lamp.intensity_table)).is_round)
 
 
-def is_even(lamp: Lamp) -> bool:
-    """Is the beam as wide in every direction from its axis as its profile says?"""
-    return switched_off(lamp, Acts.SECTION)
-
-
-def is_lopsided(lamp: Lamp) -> bool:
-    """Is the beam wider on one side of its axis than on the other?"""
-    return bool(lamp.asymmetry_x or lamp.asymmetry_y)
-
-
-def narrowest_section(lamp: Lamp) -> float:
-    """Width of the beam in its narrowest direction over that of its profile, or of its table."""
-    return min(lamp.ellipticity, 1.0) * (1.0 - math.hypot(lamp.asymmetry_x, lamp.asymmetry_y))
-
-
 def is_mirrored(lamp: Lamp) -> tuple[bool, bool]:
     """Is the section of the beam the same at -x, and at -y?"""
     in_x, in_y = beam_table(str(lamp.intensity_table)).mirrored if lamp.profile == "table" else (True, True)
-    return in_x and not lamp.asymmetry_x, in_y and not lamp.asymmetry_y
+    straight = lamp.ellipticity_diagonal == 1.0
+    return in_x and straight and not lamp.asymmetry_x, in_y and straight and not lamp.asymmetry_y
 
 
 def source_point(lamp: Lamp) -> Point:

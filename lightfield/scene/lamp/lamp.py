@@ -53,6 +53,10 @@ class Lamp(Part):
     ellipticity: float = number(
         1.0, "1", "hwhm in y over hwhm in x", SECTION, low=0.05, high=20.0, neutral=1.0
     )
+    ellipticity_diagonal: float = number(
+        1.0, "1", "hwhm towards +x+y over hwhm towards +x-y, of a beam that is as wide in y as in x",
+        SECTION, low=0.05, high=20.0, neutral=1.0, later=True,
+    )  # fmt: skip
     asymmetry_x: float = number(
         0.0, "1", "the beam is wider by this part towards +x, and narrower towards -x",
         SECTION, low=-0.6, high=0.6, neutral=0.0, later=True,

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from lightfield.arrays import Array
 from lightfield.errors import SceneError
 from lightfield.scene.curve import value_at
-from lightfield.scene.lamp.frame import is_even, is_lopsided
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import BeamTable, beam_table
+from lightfield.scene.lamp.section import effective_angles, is_even, is_lopsided, oval, oval_widths
 from lightfield.storage.tables import kept_by_tables
 
 LN2 = math.log(2.0)
@@ -57,33 +57,6 @@ def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLik
         around = table.at(np.sqrt(stretched), np.arctan2(up, across))
         light = _departing(lamp, around, stretched)
     return np.asarray(light * (squared <= HALF_PI * HALF_PI))
-
-
-def effective_angles(lamp: Lamp, theta_x_rad: Array, theta_y_rad: Array) -> tuple[Array, Array]:
-    """Angles at which an even beam has the intensity that this one has at the given ones, rad.
-
-    A beam is wider by 1 + asymmetry_x cos phi + asymmetry_y sin phi, then in y by its ellipticity.
-
-    Parameters
-    ----------
-    lamp : Lamp
-        Ellipticity and asymmetry.
-    theta_x_rad, theta_y_rad : array, rad
-        Beam-frame angles, broadcast against each other.
-    """
-    x, y = theta_x_rad, theta_y_rad
-    if is_lopsided(lamp):
-        wider = width_towards(lamp, x, y)
-        x, y = x / wider, y / wider
-    return x, y / lamp.ellipticity
-
-
-def width_towards(lamp: Lamp, theta_x_rad: Array, theta_y_rad: Array) -> Array:
-    """How much wider a lopsided beam is in these directions from its axis than on average."""
-    away = np.maximum(np.hypot(theta_x_rad, theta_y_rad), 1e-300)
-    return np.asarray(
-        1.0 + (lamp.asymmetry_x * theta_x_rad + lamp.asymmetry_y * theta_y_rad) / away, dtype=float
-    )
 
 
 def table_of(lamp: Lamp) -> BeamTable | None:
@@ -176,20 +149,22 @@ def _turns(lamp: Lamp) -> tuple[Array, Array]:
     table = table_of(lamp)
     if table is not None and not table.is_round:
         # Two Gauss nodes between half planes, where the table is linear.
-        edges = np.unwrap(np.arctan2(lamp.ellipticity * np.sin(table.turn_rad), np.cos(table.turn_rad)))
+        xx, xy, yy = oval(lamp)
+        across, up = np.cos(table.turn_rad), np.sin(table.turn_rad)
+        edges = np.unwrap(np.arctan2(xy * across + yy * up, xx * across + xy * up))
         if is_lopsided(lamp):  # between them the width changes too
             edges = np.unique(np.concatenate([edges, edges[0] + 2.0 * math.pi * np.arange(65) / 64]))
         half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
         phi = middle[:, None] + half[:, None] * np.array([-1.0, 1.0]) / math.sqrt(3.0)
         return phi.ravel(), np.repeat(half / (2.0 * math.pi), 2)
-    round_ = 4.0 if is_lopsided(lamp) else 1.0
+    round_ = 4.0 if is_lopsided(lamp) or lamp.ellipticity_diagonal != 1.0 else 1.0
     return (np.arange(OF_OVAL) + 0.5) * (round_ * HALF_PI / OF_OVAL), np.full(OF_OVAL, 1.0 / OF_OVAL)
 
 
 def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     """Gauss-Legendre nodes on pieces that follow the beam's scales, 0 to 90 degrees."""
     lopsided = math.hypot(lamp.asymmetry_x, lamp.asymmetry_y)
-    sections = np.unique([1.0, lamp.ellipticity, 1.0 - lopsided, 1.0 + lopsided])
+    sections = np.unique([1.0, *oval_widths(lamp), 1.0 - lopsided, 1.0 + lopsided])
     if (table := table_of(lamp)) is not None:
         edges: NDArray[Any] = np.outer(sections, table.angle_rad).ravel()
     else:

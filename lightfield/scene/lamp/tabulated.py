@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.scene.lamp.frame import is_even
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import SHARED_ERROR
 from lightfield.scene.lamp.profile import sections_of
+from lightfield.scene.lamp.section import is_even
 from lightfield.scene.lamp.spectrum import knots_nm, spectral_power
 from lightfield.storage.files import write_text
 

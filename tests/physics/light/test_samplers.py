@@ -123,7 +123,12 @@ def test_cosine_after_n_scatterings(g: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "beam", [{"ellipticity": 1.8}, {"ellipticity": 0.7, "asymmetry_x": 0.4, "asymmetry_y": -0.2}]
+    "beam",
+    [
+        {"ellipticity": 1.8},
+        {"ellipticity": 0.7, "asymmetry_x": 0.4, "asymmetry_y": -0.2},
+        {"ellipticity": 0.8, "ellipticity_diagonal": 1.9},
+    ],
 )
 def test_solid_angle_of_an_oval_beam(beam: dict[str, float]) -> None:
     """Against a sum over a fine grid of angles."""

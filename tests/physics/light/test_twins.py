@@ -117,13 +117,15 @@ def test_intensity_of_the_beam(profile: str, departure: Any, tmp_path: Path) -> 
     np.testing.assert_allclose(np.broadcast_to(traced, x.shape), relative_intensity(lamp, x, y), atol=off)
 
 
-@pytest.mark.parametrize("ellipticity", [1.0, 1.4])
-def test_intensity_of_a_measured_beam_that_is_not_round(ellipticity: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("ellipticity", "diagonal"), [(1.0, 1.0), (1.4, 1.0), (1.2, 0.8)])
+def test_intensity_of_a_measured_beam_that_is_not_round(
+    ellipticity: float, diagonal: float, tmp_path: Path
+) -> None:
     """The tracer keeps its half planes, and its angles at other steps: where these are 0.25 degrees apart the
     slope changes by 1.6 % per degree between two."""
     file = phi_table(tmp_path / "beam.csv", aside, np.array([0, 20, 50, 90, 135, 180, 210, 270, 300, 360.0]))
     beam = {"profile": "table", "intensity_table": str(file), "ellipticity": ellipticity}
-    lamp = Lamp.model_validate(beam)
+    lamp = Lamp.model_validate(beam | {"ellipticity_diagonal": diagonal})
     x, y = np.random.default_rng(3).uniform(-0.3, 0.3, (2, 2000))
     traced = np.array(Emission(lamp, cone_rad=0.3).intensity(mi.Float(x), mi.Float(y)))
     off = 0.016 * (90 / (TABLE - 1)) / 4 + SINGLE

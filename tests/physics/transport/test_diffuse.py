@@ -107,6 +107,7 @@ CASES: dict[str, dict[str, Any]] = {
     "skirt": {"lamp.skirt_fraction": 0.1},
     "tilted": {"lamp.tilt_x_deg": 1.5, "lamp.tilt_y_deg": -1.0},
     "elliptic": {"lamp.ellipticity": 1.4},
+    "oval, turned": {"lamp.ellipticity": 1.2, "lamp.ellipticity_diagonal": 0.8},
     "less scattering": {"water.scattering_per_m": 0.05},
     "more scattering": {"water.scattering_per_m": 0.35},
     "more absorption": {"water.absorption_per_m": 0.3},

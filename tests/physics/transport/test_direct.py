@@ -78,6 +78,7 @@ CASES: dict[str, dict[str, Any]] = {
     "isotropic": {"lamp": {"profile": "isotropic"}},
     "moved and tilted": {"lamp": {"offset_x_m": 0.1, "offset_y_m": -0.05, "tilt_x_deg": 2, "tilt_y_deg": -1}},
     "elliptic and tilted": {"lamp": {"ellipticity": 1.5, "tilt_x_deg": 2.0}},
+    "oval, turned and tilted": {"lamp": {"ellipticity": 0.8, "ellipticity_diagonal": 1.6, "tilt_y_deg": 2.0}},
     "lopsided": {"lamp": {"asymmetry_x": 0.3, "asymmetry_y": -0.2, "shape_exponent": 4.0}},
     "apparent source": {"lamp": {"apparent_distance_m": 1.5, "tilt_x_deg": 1.0}},
     "source in front of the window": {"lamp": {"apparent_distance_m": -0.4, "tilt_x_deg": 1.0}},

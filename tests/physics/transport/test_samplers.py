@@ -139,6 +139,7 @@ LAMPS: dict[str, dict[str, Any]] = {
     "departing": {"profile_departure": [[0, 0.3], [2, -0.5], [5, 0.4], [12, 1.0]]},
     "skirt": {"profile": "two-component", "skirt_fraction": 0.1},
     "elliptic": {"ellipticity": 2.0},
+    "oval, turned": {"ellipticity": 1.3, "ellipticity_diagonal": 0.6},
     "lopsided": {"asymmetry_x": 0.3, "asymmetry_y": -0.2, "ellipticity": 1.3},
     "isotropic": {"profile": "isotropic"},
     "tilted": {"tilt_x_deg": 10.0, "tilt_y_deg": -5.0},

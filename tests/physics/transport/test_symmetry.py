@@ -29,6 +29,7 @@ def scene(**parts: dict[str, Any]) -> Scene:
     [
         ({}, 36),  # an octant of 16 x 16: 8 * 9 / 2
         ({"lamp": {"ellipticity": 1.3}}, 64),
+        ({"lamp": {"ellipticity_diagonal": 1.3}}, 256),
         ({"tank": {}}, 64),
         ({"tank": {"wall_albedo": 0.5}}, 64),
         ({"tank": {"lamp_depth_m": 1.0}}, 128),

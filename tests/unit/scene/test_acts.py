@@ -38,7 +38,7 @@ from lightfield.scene.all_parameters import (
 )
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.colour import wider_in_colour
-from lightfield.scene.lamp.profile import effective_angles
+from lightfield.scene.lamp.section import effective_angles
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
 from lightfield.scene.water.ageing import growth_per_m

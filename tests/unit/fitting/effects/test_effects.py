@@ -32,6 +32,7 @@ REQUIRED = set(
         "beam_shape",
         "beam_skirt",
         "beam_ellipticity",
+        "table_width",
         "beam_asymmetry",
         "lamp_drift",
         "scattering",

@@ -53,6 +53,7 @@ def test_oval_beam_as_a_table_is_the_oval_beam(tmp_path: Path) -> None:
     for more in (1.0, 1.25):
         one = lamp.model_copy(update={"ellipticity": more})
         other = oval.model_copy(update={"ellipticity": 1.6 * more})
+        assert is_mirrored(one) == (True, True)
         off = relative_intensity(one, *PLACES) - relative_intensity(other, *PLACES)
         assert np.abs(off).max() < 3.4e-4
         assert solid_angle_sr(one) == pytest.approx(solid_angle_sr(other), rel=1.5e-4)

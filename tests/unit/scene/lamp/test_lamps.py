@@ -286,6 +286,9 @@ def test_profile_formula() -> None:
     assert relative_intensity(both, at, 0.0) == pytest.approx((0.5**9 + 0.25 * 0.5) / 1.25)
     oval = Lamp(hwhm_deg=4, ellipticity=2)
     assert relative_intensity(oval, 0.0, 2 * h) == pytest.approx(0.5)
+    askew = Lamp(hwhm_deg=4, ellipticity_diagonal=2.25)
+    towards, across = 1.5 * h / math.sqrt(2), h / 1.5 / math.sqrt(2)
+    assert relative_intensity(askew, [towards, -across], [towards, across]) == pytest.approx(0.5)
     assert relative_intensity(Lamp(hwhm_deg=60), math.radians(91), 0.0) == 0.0
 
 
