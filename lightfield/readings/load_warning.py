@@ -38,6 +38,7 @@ class Remarks(str, Enum):
     IGNORED_COLUMNS = "ignored_columns"
     UNIT_TAKEN = "unit_taken"
     TIME_FROM_HEADER = "time_from_header"
+    UNLIKE_ZONES = "unlike_zones"
     NO_DARK = "no_dark"
     LIT_DARK = "lit_dark"
     DARK_IN_PROGRAM = "dark_in_program"
@@ -234,6 +235,10 @@ _WORDS: dict[Remarks, tuple[_Words, _Words]] = {
     Remarks.TIME_FROM_HEADER: (
         "times are taken from the dates in the files, from {start}",
         "give time_s in the index if the instrument's clock was wrong",
+    ),
+    Remarks.UNLIKE_ZONES: (
+        "no times are taken from the dates in the files, which are of different zones: {zones}",
+        "give time_s in the index",
     ),
     Remarks.NO_DARK: (
         "no dark spectrum for {files}: the dark signal is still in these readings",

@@ -18,6 +18,11 @@ _POWER = {"W": 1.0, "mW": 1e-3, "uW": 1e-6, "nW": 1e-9, "kW": 1e3}
 _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _WAVELENGTH = {"nm": 1.0, "um": 1e3}
 _SUPERSCRIPT = str.maketrans({"⁻": "-", "¹": "1", "²": "2", "³": "3", "µ": "u", "μ": "u", "−": "-"})
+#: What a file may call numbers that are logarithms, and units of what is no light per nm.
+_LOGARITHM = re.compile(
+    r"(?:^|\W)(dbm?|decibels?|absorban[cz]\w*|extinktion|o\.?d\.?|optical density|log\w*)(?:\W|$)"
+)
+_OTHER = re.compile(r"%|percent|[umnpk\u00b5\u03bc]?[wva]|[umn\u00b5\u03bc]?j", re.IGNORECASE)
 _FACTOR = re.compile(r"([A-Za-z]+)\^?([+-]?[0-9]{1,2})?")
 
 
@@ -62,6 +67,18 @@ def stated(text: str) -> str:
     return "" if found == RELATIVE else found
 
 
+def of_column(name: str, unit: str) -> str:
+    """The unit of a column as `stated`; as it is written where it is another, or a logarithm; "" unknown."""
+    if found := _LOGARITHM.search(f"{name} {unit}".lower()):
+        return found[1]
+    return stated(unit) or (unit if _OTHER.fullmatch(unit) else "")
+
+
+def is_logarithmic(text: str) -> bool:
+    """Is this unit one of logarithms?"""
+    return _LOGARITHM.search(text.lower()) is not None
+
+
 def to_si(text: str, quantity: str) -> float:
     """Factor that turns a number in this unit into SI per nm.
 
@@ -88,6 +105,7 @@ def to_si(text: str, quantity: str) -> float:
         if not match:
             raise ValueError(f"{token!r} is not a unit")
         name, power = match[1], sign * int(match[2] or 1)
+        name = "sr" if name.lower() == "sr" else name  # some programs write Sr
         for kind, table in (
             ("power", _POWER),
             ("area", _LENGTH),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import timedelta
 from os import PathLike, fspath
 from typing import Any
 
@@ -220,11 +221,16 @@ def _times(shots: Sequence[Shot]) -> tuple[list[Shot], LoadWarning | None]:
         return list(shots), None
     moments = [labels.moment(shot.spectrum.date) for shot in shots]
     known = [m for m in moments if m is not None]
-    if len(known) < len(moments) or len({zone for _, zone in known}) > 1:
+    if len(known) < len(moments):
         return list(shots), None
-    start = min(when for when, _ in known)
-    timed = [replace(s, time_s=(m[0] - start).total_seconds()) for s, m in zip(shots, known, strict=True)]
-    return timed, LoadWarning(Remarks.TIME_FROM_HEADER, {"start": start.isoformat(" ")})
+    zones = {zone: labels.ahead_of_utc(zone) for _, zone in known}
+    if len(zones) > 1 and None in zones.values():
+        return list(shots), LoadWarning(Remarks.UNLIKE_ZONES, {"zones": tuple(sorted(zones))})
+    # Where summer time begins or ends in a measurement its clock jumps.
+    even = [when - timedelta(hours=zones[zone] or 0.0) for when, zone in known]
+    first = min(range(len(even)), key=even.__getitem__)
+    timed = [replace(s, time_s=(at - even[first]).total_seconds()) for s, at in zip(shots, even, strict=True)]
+    return timed, LoadWarning(Remarks.TIME_FROM_HEADER, {"start": known[first][0].isoformat(" ")})
 
 
 def _in_order(shots: Sequence[Shot]) -> list[Shot]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from lightfield.readings.importing import reduction
 from lightfield.readings.importing.reduction import Shot
+from lightfield.readings.instruments import labels
 from lightfield.readings.instruments.oddity import Oddity
 from lightfield.readings.load_warning import LoadWarning, Remarked, Remarks
 
@@ -76,15 +77,12 @@ def doubts_of_files(
     found = []
     shots = [*sequence, *darks]
     if unit == "counts":
-        bare = tuple(s.entry.called for s in sequence if not darks and not reduction.has_dark(s.spectrum))
+        without = [s for s in sequence if not reduction.has_dark(s.spectrum)]
+        held = [s for s in without if labels.flag(s.spectrum.header, "dark_held")]
+        bare = tuple(s.entry.called for s in without if not darks and s not in held)
         if bare:
             found.append(LoadWarning(Remarks.NO_DARK, {"files": bare}))
-        if any(
-            s.spectrum.header.get("Dark Spectrum Present", "").lower() == "yes"
-            and not reduction.has_dark(s.spectrum)
-            and darks
-            for s in sequence
-        ):
+        if held:
             found.append(LoadWarning(Remarks.DARK_IN_PROGRAM))
         found += _lit_darks(sequence, darks)
     if flat:

@@ -13,6 +13,9 @@ from lightfield.readings import units
 from lightfield.readings.importing.index import IndexLine
 from lightfield.readings.instruments.spectrum import Spectrum
 
+#: Of so many pixels or more, a step of so many usual ones is a gap, and matters where it is this part of a
+#: band. Chosen: pixels of one spectrometer are alike apart to a factor of two.
+_A_SPECTRUM, _GAP, _OF_BAND = 20, 3.5, 0.1
 SAME_EXPOSURE = 1e-3  # relative; headers print three to seven digits
 
 
@@ -62,10 +65,27 @@ def band_mean(wavelength_nm: Array, values: Array, low_nm: float, high_nm: float
         raise ValueError(f"pixels without a number in the band {low_nm:g}-{high_nm:g} nm")
     if not within.any():
         raise ValueError(f"no pixel in the band {low_nm:g}-{high_nm:g} nm")
+    _refuse_gap(wavelength_nm, wavelength_nm[part], low_nm, high_nm)
     grid = np.r_[low_nm, wavelength_nm[within], high_nm]
     heights = np.asarray(np.interp(grid, wavelength_nm[part], values[part]))
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.sum(np.diff(grid) * (heights[1:] / 2 + heights[:-1] / 2)) / (high_nm - low_nm))
+
+
+def _refuse_gap(every_nm: Array, in_band_nm: Array, low_nm: float, high_nm: float) -> None:
+    """Lines that are lost between others are no straight line."""
+    steps = np.diff(in_band_nm)
+    widest = int(np.argmax(steps))
+    usual = float(np.median(np.diff(every_nm)))
+    if len(every_nm) < _A_SPECTRUM or steps[widest] < _GAP * usual:
+        return
+    lost = min(in_band_nm[widest + 1], high_nm) - max(in_band_nm[widest], low_nm)
+    if lost > _OF_BAND * (high_nm - low_nm):
+        raise RuleError(
+            f"no pixels from {in_band_nm[widest]:g} to {in_band_nm[widest + 1]:g} nm in the band "
+            f"{low_nm:g}-{high_nm:g} nm, where they are {usual:.3g} nm apart",
+            "export the file again, or choose a band beside it",
+        )
 
 
 def signal(shot: Shot, unit: str) -> Array:
@@ -83,14 +103,16 @@ def signal(shot: Shot, unit: str) -> Array:
     """
     spectrum = shot.spectrum
     if "value" in spectrum.columns:
-        if (
-            spectrum.processed_unit
-            and unit != units.RELATIVE
-            and not _same_unit(unit, spectrum.processed_unit)
-        ):
-            said = spectrum.processed_unit
+        said = spectrum.processed_unit
+        if units.is_logarithmic(said):
+            raise RuleError(
+                f"the file says that its numbers are logarithms ({said}), of which no mean is light",
+                "export them on a linear scale",
+            )
+        if said and unit != units.RELATIVE and not _same_unit(unit, said):
+            taken = said if units.stated(said) else units.RELATIVE
             raise ValueError(
-                f"the file says that its numbers are in {said}, not {unit}: take the unit {said}"
+                f"the file says that its numbers are in {said}, not {unit}: take the unit {taken}"
             )
         if spectrum.photons and unit != units.RELATIVE:
             raise ValueError(f"a {spectrum.format} counts photons: take the unit relative")

@@ -9,6 +9,10 @@ from lightfield.arrays import Array
 from lightfield.readings.instruments.spectrum import Spectrum
 
 SHORTEST_RUN = 4  # equal pixels in a row; three can be chance at the top of a peak printed to whole counts
+#: A top that noise or a dark spectrum has left nearly flat: so many pixels within this part of the largest
+#: number, and less than so many times as many within ten times that, where a round top has 3.2 times as many.
+#: The darkest pixel lies below half. Chosen: a detector's noise at its end, and what smoothing rounds off.
+NEARLY_RUN, NEARLY, ROUNDER, DARK = 8, 2e-3, 1.5, 0.5
 LEAST_STEPS = (
     50  # a top of fewer digitisation steps above the median may be flat because the steps are coarse
 )
@@ -36,7 +40,7 @@ def saturated_pixels(
     raw = spectrum.raw
     with np.errstate(invalid="ignore"):
         mask = raw >= level if level is not None else np.zeros(len(raw), dtype=bool)
-    run = flat_top(raw)
+    run = flat_top(raw) or nearly_flat_top(raw)
     found = None
     if run is not None and not mask[run].any():
         mask = mask.copy()
@@ -68,3 +72,25 @@ def flat_top(values: Array) -> slice | None:
     inner = [run for run in runs if run.start > 0 and run.stop < len(values)]
     longest = max(inner, key=lambda run: run.stop - run.start, default=None)
     return longest if longest is not None and longest.stop - longest.start >= SHORTEST_RUN else None
+
+
+def nearly_flat_top(values: Array) -> slice | None:
+    """The pixels of a top that ends in edges, where the dark or noise keeps them from being equal."""
+    finite = values[np.isfinite(values)]
+    if finite.size <= SHORTEST_RUN or finite.min() > DARK * finite.max() or finite.max() <= 0:
+        return None
+    peak = int(np.nanargmax(values))
+    near, wide = (_run_about(values, peak, part) for part in (NEARLY, 10 * NEARLY))
+    length = near.stop - near.start
+    inner = wide.start > 0 and wide.stop < len(values)
+    edged = wide.stop - wide.start < ROUNDER * length
+    return near if inner and edged and length >= NEARLY_RUN else None
+
+
+def _run_about(values: Array, peak: int, part: float) -> slice:
+    """The pixels about the largest that are as large but for this part of it."""
+    with np.errstate(invalid="ignore"):
+        lower = np.flatnonzero(~(values >= (1 - part) * values[peak]))
+    after = int(np.searchsorted(lower, peak))
+    first = int(lower[after - 1]) + 1 if after else 0
+    return slice(first, int(lower[after]) if after < len(lower) else len(values))

@@ -20,9 +20,12 @@ _SAID = re.compile(
 _HOLDS = {
     "refl": "processed",
     "dark": "dark",
+    "dunkel": "dark",
     "ref": "reference",
     "white": "reference",
+    "weiss": "reference",
     "sample": "signal",
+    "probe": "signal",
     "scope": "signal",
 }
 
@@ -43,12 +46,15 @@ def read(document: Document) -> Spectrum:
     wavelength = table.column(axis, problems, whole=True)
     check_axis(wavelength, table.lines, problems)
     columns: dict[str, Array] = {}
+    ignored: list[str] = []
     for k, name in enumerate(table.names):
         if k != axis:
             words = labels.folded(name)
             holds = next(
                 (meaning for start, meaning in _HOLDS.items() if words.startswith(start)), "processed"
             )
+            if holds in columns and holds != "processed":
+                ignored.append(table.called(k))
             columns.setdefault(holds, table.column(k, problems))
     if set(columns) == {"processed"}:
         columns = {"value": columns["processed"]}
@@ -75,6 +81,7 @@ def read(document: Document) -> Spectrum:
         boxcar=_whole(smoothed),
         spectrometer=named[1] if named else "",
         notes=notes,
+        ignored=tuple(ignored),
     )
 
 

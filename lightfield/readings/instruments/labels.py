@@ -17,6 +17,7 @@ LABELS = {
     "boxcar": r".*(boxcar|alisar|furgon|lissage|glattung).*",
     "electric_dark": r".*(electric(al)? dark|elektrisch\w* dunkel|noir electri|electrica.*obscuridad).*",
     "nonlinearity": r".*(non-? ?linear|nicht-? ?linear|no linealidad).*",
+    "dark_held": r"dark spectrum present.*",
     "spectrometer": r"(spectrom|spektrom|espectrom|spettrom).*",
     "date": r"(date|datum|fecha|data)",
     "pixels": r".*(number of|anzahl|nombre de|numero d[ei]|aantal).*pixels?.*",
@@ -47,6 +48,11 @@ _MONTHS = {
     11: "nov",
     12: "dec dez dic",
 }
+#: Hours of zones ahead of UTC, by words that mean one zone alone.
+_AHEAD = {
+    "UTC": 0, "GMT": 0, "WET": 0, "WEST": 1, "CET": 1, "MEZ": 1, "CEST": 2, "MESZ": 2, "EET": 2, "EEST": 3,
+    "EST": -5, "EDT": -4, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7, "AEST": 10, "AEDT": 11,
+}  # fmt: skip
 _MONTH_OF = {name: month for month, names in _MONTHS.items() for name in names.split()}
 
 
@@ -149,6 +155,11 @@ def moment(text: str) -> tuple[datetime, str] | None:
         return datetime(int(year[1]), month, int(day[1]), hour, minute, second), zone
     except ValueError:
         return None
+
+
+def ahead_of_utc(zone: str) -> float | None:
+    """Hours by which a zone's clock is ahead; None of a word that is not known, or means several zones."""
+    return _AHEAD.get(zone.upper())
 
 
 def _month(word: str) -> int | None:

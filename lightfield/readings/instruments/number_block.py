@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,13 +18,19 @@ _SEPARATORS = ("\t", ";", None, ",")
 _WHEN = re.compile(r"[\d:/.\-_TZ+]*\d[:/\-_]\d[\d:/.\-_TZ+]*(\s+[\d:.]+)?(\s*[AaPp]\.?[Mm]\.?)?")
 #: Wavelength in a name: 525, 525nm, Es525.0, ES(525.00), lambda_525.
 _AT = re.compile(r"(?P<name>.*?)[\s_(\[]*(?P<nm>\d{3,4}(?:[.,]\d+)?)\s*(?:nm)?[)\]]?")
+#: What stands in brackets in a name, which may have brackets of its own: L (mW/(m^2 nm sr)).
+_BRACKETS = re.compile(r"\[([^\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)")
 #: A cell of a line of units.
 _UNIT = re.compile(
     r"[\[(].*[\])]|nm|s|ms|m|cm|counts?|ts|rn|volts?|deg ?c|%|.*mol.*|[um\u00b5\u03bc]?w.*|", re.IGNORECASE
 )
-#: What may be thousands, and what is less than one.
-_GROUPED, _HUNDREDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}"), re.compile(r"[+-]?[1-9]\d{0,2}")
-_NM = re.compile(r"(\d+(?:[.,]\d+)?)\s*nm", re.IGNORECASE)
+_WAVELENGTH = re.compile(r"(wave|lambda|λ|longitud|wellenl|longueur|lunghezza|w$|nm$)")
+#: What may be thousands, by the mark between them, and what is less than one.
+_GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}[{mark}]\d{{3}}") for mark in ",."}
+_HUNDREDS = re.compile(r"[+-]?[1-9]\d{0,2}")
+_MARKS = {",": "comma", ".": "point"}
+#: 525 nm is 525; in m^2 nm and m-2 nm-1 is a power.
+_NM = re.compile(r"(?<![\w^.,-])(\d+(?:[.,]\d+)?)\s*nm", re.IGNORECASE)
 #: A row may begin with a word (the name of a place) if more numbers than this follow.
 _NAMELESS = 3
 #: Of a line of units this part is known ones.
@@ -68,6 +74,15 @@ class NumberBlock:
     def header(self) -> dict[str, str]:
         """Label and text of the lines before the table, which may be cells as its rows are."""
         return header_of(self.head, self.separator or "")
+
+    def said(self, axis: str) -> str:
+        """What the head says of the "x" or the "y" axis: its unit or its name; "" where it is silent."""
+        label = re.compile(rf"{axis}[- ]?(axis|achse).*")
+        return next((said for name, said in self.header.items() if label.fullmatch(labels.folded(name))), "")
+
+    def turned(self) -> NumberBlock:
+        """The same from its last row to its first."""
+        return replace(self, lines=self.lines[::-1], cells=self.cells[::-1])
 
     def column(self, index: int, problems: Problems, whole: bool = False) -> Array:
         """Numbers of a column; nan where a cell says there is none. What is no number goes to `problems`.
@@ -181,26 +196,25 @@ def _table(
             )
     names, units, above = _names(rows, first, width)
     mark = mark_in((cell for _, cells in body for cell in cells if _is_number(cell)), problems)
-    if mark == ",":
-        _refuse_thousands([cells for _, cells in body], problems)
+    _refuse_thousands([cells for _, cells in body], mark, problems)
     return NumberBlock(
         tuple(lines[:above]), names, units, tuple(k for k, _ in body), [cells for _, cells in body], mark,
         separator,
     )  # fmt: skip
 
 
-def _refuse_thousands(rows: Sequence[Sequence[str]], problems: Problems) -> None:
-    """Where every comma may part thousands, and hundreds beside them have none, it does not part decimals."""
-    with_comma = [cell for cells in rows for cell in cells if "," in cell and _is_number(cell)]
-    if not all(map(_GROUPED.fullmatch, with_comma)):
+def _refuse_thousands(rows: Sequence[Sequence[str]], mark: str, problems: Problems) -> None:
+    """Where every mark may part thousands, and hundreds beside them have none, it does not part decimals."""
+    marked = [cell for cells in rows for cell in cells if mark in cell and _is_number(cell)]
+    if not all(map(_GROUPED[mark].fullmatch, marked)):
         return
     for column in zip(*rows, strict=True):
-        grouped = next((cell for cell in column if _GROUPED.fullmatch(cell)), None)
+        grouped = next((cell for cell in column if _GROUPED[mark].fullmatch(cell)), None)
         small = next((cell for cell in column if _HUNDREDS.fullmatch(cell)), None)
         if grouped and small:
             problems.add(
-                "a comma may be a decimal or a thousands mark", found=f"{grouped} beside {small}",
-                remedy="export it again without thousands marks, or with a decimal point",
+                f"a {_MARKS[mark]} may be a decimal or a thousands mark", found=f"{grouped} beside {small}",
+                remedy="export it again without thousands marks",
             )  # fmt: skip
             return
 
@@ -225,7 +239,7 @@ def _names(
     if below is not None:
         return named[below - 1], tuple(cell.strip("[]() ") for cell in named[below]), top + below - 1
     names = named[-1]
-    units = tuple(m[1].strip() if (m := re.search(r"[\[(]([^\])]*)[\])]", name)) else "" for name in names)
+    units = tuple((m[1] or m[2] or "").strip() if (m := _BRACKETS.search(name)) else "" for name in names)
     return names, units, first - 1
 
 
@@ -236,11 +250,17 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 def wavelength_column(table: NumberBlock) -> int:
     """Which column is the wavelength: by its name or unit, else the first."""
-    for k, (name, unit) in enumerate(zip(table.names, table.units, strict=True)):
-        words = labels.folded(name)
-        if unit == "nm" or re.match(r"(wave|lambda|λ|longitud|wellenl|longueur|lunghezza|w$|nm$)", words):
-            return k
-    return 0
+    named = (k for k, name in enumerate(table.names) if _is_wavelength(name, table.units[k]))
+    return next(named, 0)
+
+
+def says_wavelength(table: NumberBlock) -> bool:
+    """Does a column say that it holds wavelengths?"""
+    return any(map(_is_wavelength, table.names, table.units))
+
+
+def _is_wavelength(name: str, unit: str) -> bool:
+    return unit == "nm" or _WAVELENGTH.match(labels.folded(name)) is not None
 
 
 def header_of(head: Sequence[str], separator: str = "") -> dict[str, str]:

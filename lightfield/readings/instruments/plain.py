@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
@@ -14,6 +15,7 @@ from lightfield.readings.instruments.document import Document, without_cut_numbe
 from lightfield.readings.instruments.number_block import (
     NumberBlock,
     check_axis,
+    says_wavelength,
     wavelength_column,
 )
 from lightfield.readings.instruments.oddity import Oddity
@@ -21,6 +23,11 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 NAME = "plain columns"
+#: What the first column of a spectrum may hold beside wavelengths in nm.
+_NO_NM = re.compile(
+    r"pixel|raman|wave ?number|wellenzahl|cm\s*\^?-1|1/cm|energ|\bev\b|frequen|\bt?hz\b|angstr|"
+    r"\b[uµμ]m\b|micro|^a$|[\[(]a[\])]"
+)
 #: What a mapping may name.
 MEANINGS = ("wavelength_nm", "value", "dark", "reference")
 
@@ -30,11 +37,11 @@ def claims(document: Document) -> bool:
     table = document.columns()
     if table is None:
         return False
-    if table.across():
+    if table.across() or says_wavelength(table) or _other_axis(table, wavelength_column(table)):
         return True
     problems = Problems(document.where)
     axis = table.column(wavelength_column(table), problems, whole=True)
-    check_axis(axis, table.lines, problems)
+    check_axis(axis[::-1] if _falls(axis) else axis, table.lines, problems)
     # A few bad lines are reported; a column of something else is another file.
     return len(problems.found) <= max(1, len(axis) // 10)
 
@@ -61,7 +68,13 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     }
     problems.raise_any("not a usable file of columns")
     axis = chosen.get("wavelength_nm", wavelength_column(table))
+    if "wavelength_nm" not in chosen and (other := _other_axis(table, axis)):
+        problems.refuse(
+            "the first column is not wavelength in nm", other, remedy="export wavelengths in nm",
+        )  # fmt: skip
     wavelength = table.column(axis, problems, whole=True)
+    if _falls(wavelength):
+        table, wavelength = table.turned(), wavelength[::-1]
     check_axis(wavelength, table.lines, problems)
     if "value" in chosen and len(chosen) > 1 + ("wavelength_nm" in chosen):
         named = {"signal" if m == "value" else m: k for m, k in chosen.items() if m != "wavelength_nm"}
@@ -69,14 +82,14 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
             (
                 "",
                 {meaning: table.column(k, problems) for meaning, k in named.items()},
-                table.units[chosen["value"]],
+                units.of_column("", table.units[chosen["value"]]),
             )
         ]
     else:
         wanted = [chosen["value"]] if "value" in chosen else [k for k in range(len(table.names)) if k != axis]
         sets = [
             ("" if "value" in chosen else table.called(k),
-             {"value": table.column(k, problems)}, table.units[k])
+             {"value": table.column(k, problems)}, _unit(table, k))
             for k in wanted
         ]  # fmt: skip
     problems.raise_any("not a usable file of columns")
@@ -86,6 +99,22 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
         replace(_spectrum(document, table, wavelength, columns, label, unit, notes), ignored=ignored)
         for label, columns, unit in sets
     ]
+
+
+def _falls(wavelength_nm: Array) -> bool:
+    """Does it go down throughout, as some programs write it?"""
+    return len(wavelength_nm) > 1 and bool(np.all(np.diff(wavelength_nm) < 0))
+
+
+def _other_axis(table: NumberBlock, axis: int) -> str:
+    """What the column of wavelengths says it holds, where that is not wavelengths in nm; else ""."""
+    said = table.names[axis], table.units[axis], table.said("x")
+    return next((text for text in said if _NO_NM.search(labels.folded(text))), "")
+
+
+def _unit(table: NumberBlock, column: int) -> str:
+    """The unit that a column of values states, or what the head says of all."""
+    return units.of_column(table.names[column], table.units[column]) or units.of_column("", table.said("y"))
 
 
 def unused(table: NumberBlock, used: Collection[int]) -> tuple[str, ...]:
@@ -115,7 +144,7 @@ def _across(
         out += [
             _spectrum(
                 document, table, wavelength, {"value": np.array([c[row] for c in columns])}, name,
-                table.units[places[0]], (),
+                units.of_column("", table.units[places[0]]), (),
             )
             for row in range(len(table.cells))
         ]  # fmt: skip
@@ -141,7 +170,7 @@ def _spectrum(
         columns=columns,
         header={"title": document.title, **header},
         integration_time_s=seconds,
-        processed_unit=units.stated(unit),
+        processed_unit=unit,
         label=label,
         notes=(*notes, *odd),
     )

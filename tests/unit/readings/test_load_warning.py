@@ -25,6 +25,7 @@ VALUES: dict[Remarks, dict[str, Remarked]] = {
     Remarks.TIME_FROM_HEADER: {"start": "2025-05-05 12:00:00"},
     Remarks.NO_DARK: {"files": ("a.txt", "b.txt")},
     Remarks.LIT_DARK: {"percent": 25.0, "lit": "b.txt", "files": ("a.txt",)},
+    Remarks.UNLIKE_ZONES: {"zones": ("CST", "PST")},
     Remarks.FLAT_TOP: {"levels": (6000.0,), "files": ("a.txt",)},
     Remarks.NONLINEARITY: {"corrected": "mixed"},
     Remarks.MIXED_SETTINGS: {"setting": "smoothing", "found": ("boxcar 0", "boxcar 5")},

@@ -176,7 +176,7 @@ def test_times_come_from_the_headers_when_the_index_has_none(campaign):
 
 
 def test_headers_of_two_time_zones_are_not_compared(campaign):
-    oceanview(campaign / "later.txt", DARK, 0.05, date="Tue Mar 03 11:13:00 CEST 2020")
+    oceanview(campaign / "later.txt", DARK, 0.05, date="Tue Mar 03 11:13:00 IST 2020")
     readings = run(campaign, ["a.txt,4.5", "later.txt,5.5"], "file,z_m")
     assert np.isnan(readings.time_s).all() and "no_time" in codes(readings)
 
