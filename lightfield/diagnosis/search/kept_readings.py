@@ -13,7 +13,7 @@ from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import bank, whitened_unknowns
 from lightfield.diagnosis.problem.noise import WHITENED_WHOLE, Budget, Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.problem.quoted import smooth_stderr
+from lightfield.diagnosis.problem.quoted import errors_stated, smooth_stderr
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit
 
@@ -28,12 +28,17 @@ _IN_A_STAY = 4
 
 
 class Kept(NamedTuple):
-    """Readings without outliers, and the basis beside which they were judged, where that is the fit's."""
+    """Readings without outliers, and the basis beside which they were judged, where that is the fit's.
+
+    `place` is the error by the places that are stated to be off, a part of what the readings are whitened by;
+    none where no errors are stated.
+    """
 
     problem: Problem
     whiten: Whitener
     fit: Fit
     budget: Budget
+    place: Array
     basis: Array | None = None
 
     @property
@@ -83,6 +88,10 @@ def without_outliers(
     more: Array | float = 0.0,
 ) -> Kept:
     problem = replace(problem, keep=usable)
+    place = np.zeros_like(usable, float)
+    if errors_stated(quoted):  # else all errors are told by the scatter
+        place = budget.position_m * budget.position_slope(problem.forward, fit.values)
+    more = np.hypot(more, place)
     whiten = plain_of(problem, quoted, fit.prediction, more)
     fit = problem.fit(explanation, whiten, [fit.u])
     basis = None
@@ -97,15 +106,13 @@ def without_outliers(
         fit = problem.fit(explanation, whiten, [fit.u])
         whiten, basis = plain_of(problem, quoted, fit.prediction, more), None
     # A rich model that slips lead astray misses their neighbours too: what the fit itself meets is no slip.
-    # So is what a place explains that the reading may have been taken at.
     met = (usable > 0) & (problem.keep == 0)
     if met.any():
-        beside = budget.position_m * budget.position_slope(problem.forward, fit.values)
-        met &= np.abs(problem.value - fit.prediction) < _MET * np.hypot(whiten.noise.sigma, beside)
+        met &= np.abs(problem.value - fit.prediction) < _MET * whiten.noise.sigma
     if met.any():
         problem, basis = replace(problem, keep=np.where(met, usable, problem.keep)), None
         fit = problem.fit(explanation, whiten, [fit.u])
-    return Kept(problem, whiten, fit, budget, basis if by_effects else None)
+    return Kept(problem, whiten, fit, budget, place, basis if by_effects else None)
 
 
 def beside_base(problem: Problem, quoted: Array, by_effects: bool, budget: Budget) -> Kept:

@@ -48,6 +48,8 @@ from lightfield.fitting.least_squares import Fit
 
 #: Replicates of the bootstrap. Derived: the smallest p is 0.001, a tenth of the level of a test.
 REPLICATES = 999
+#: Of errors that the scatter tells this part is a reading's own at least, whatever its place makes. Chosen.
+_OWN_OF_LAW = 0.3
 #: A reading's own error is this part of all at least: the difference of squares that are equal is rounding.
 _LEAST_OF_ALL = 1e-6
 #: Serial correlation is judged beside more spare readings than this. Chosen, as `robust._FEWEST_PAIRS`.
@@ -244,7 +246,8 @@ def _errors_about(
     problem, whiten, reference = kept[:3]
     layout = problem.layout
     whole = whiten.noise.sigma
-    quoted_sigma = sigma = np.sqrt(np.maximum(whole**2 - own**2, (_LEAST_OF_ALL * whole) ** 2))
+    beside = np.hypot(own, kept.place)
+    quoted_sigma = sigma = np.sqrt(np.maximum(whole**2 - beside**2, (_LEAST_OF_ALL * whole) ** 2))
     if stated:
         rich, total = kept.rich, whiten.noise.sigma
         relative = np.clip(reference.prediction, 0, None) / total
@@ -274,13 +277,20 @@ def _errors_about(
 
 def _with_common(kept: Kept, reference: Fit, whiten: Whitener, by_place: Array, stated: bool) -> Layout:
     """The layout with what the bands of a spectrum share beside the place: as stated, or as they scatter."""
-    problem, layout, whole = kept.problem, kept.problem.layout, whiten.noise.sigma
+    problem, layout, every = kept.problem, kept.problem.layout, whiten.noise.sigma
     if layout.one_channel or layout.common.any():
         return layout
+    whole = np.sqrt(np.maximum(every**2 - kept.place**2, (_LEAST_OF_ALL * every) ** 2))
     rich = kept.rich * (kept.whiten.noise.sigma / whole)[:, None]
     relative = np.clip(reference.prediction, 0, None) / whole
     part = shared_part(
-        reference.residual, rich, problem.keep, layout.spectrum, relative, by_place / whole, stated
+        reference.residual * (every / whole),
+        rich,
+        problem.keep,
+        layout.spectrum,
+        relative,
+        by_place / whole,
+        stated,
     )
     return replace(layout, common=np.full(layout.size, part))
 
@@ -295,7 +305,9 @@ def _apart(noise: Noise, keep: Array, columns: Array) -> Array:
 def _law(kept: Kept) -> Array | None:
     """Standard errors in place of stated ones that the scatter contradicts, see `scatter_law`."""
     keep, noise = kept.problem.keep, kept.whiten.noise
-    return scatter_law(kept.fit.residual, kept.rich, keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
+    law = scatter_law(kept.fit.residual, kept.rich, keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
+    # What the places make of it is no part of what is stated in its place.
+    return None if law is None else np.sqrt(np.maximum(law**2 - kept.place**2, (_OWN_OF_LAW * law) ** 2))
 
 
 def whitened_test(problem: Problem, whiten: Whitener, rng: np.random.Generator) -> AdequacyTest:
