@@ -9,7 +9,7 @@ from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, Wate
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
-from lightfield.diagnosis.verdict.words.effects import called, effect_size, level, why_first
+from lightfield.diagnosis.verdict.words.effects import effect_size, level, means_something, why_first
 from lightfield.diagnosis.verdict.words.stated import stated_lines
 from lightfield.fitting.parameter import is_gain
 from lightfield.wording import plain
@@ -73,12 +73,11 @@ def as_text(verdict: Verdict) -> str:
 
 
 def _values(parameters: Mapping[str, Estimate]) -> str:
-    """Values with their errors; without gains, and amplitudes of a curve."""
+    """Values with their errors; without gains, amplitudes of a curve, and what they make void."""
     return ", ".join(
-        f"{called(path, parameters)} = {e.value:.4g} "
-        + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
+        f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
         for path, e in parameters.items()
-        if not is_gain(path) and not path.rpartition(".")[2].isdigit()
+        if not is_gain(path) and not path.rpartition(".")[2].isdigit() and means_something(path, parameters)
     )
 
 

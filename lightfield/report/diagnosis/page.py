@@ -21,9 +21,9 @@ from lightfield.diagnosis.verdict.parts import (
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words.effects import (
-    called,
     effect_size,
     instead,
+    means_something,
     short_level,
     why_first,
 )
@@ -262,12 +262,11 @@ def _rung(rung: Rung) -> list[str]:
 def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     values, amplitudes = [], [path for path in each.parameters if is_amplitude(path)]
     for path, estimate in each.parameters.items():
-        if path in amplitudes:
+        if path in amplitudes or not means_something(path, each.parameters):
             continue
         alone = estimate.stderr_of_set
         values.append(
-            f"{called(path, each.parameters)} = {exactly(estimate)}"
-            + (f" (± {alone:.2g} if nothing else acts)" if alone else "")
+            f"{path} = {exactly(estimate)}" + (f" (± {alone:.2g} if nothing else acts)" if alone else "")
         )
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")

@@ -155,7 +155,6 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
     return out
 
 
-def called(path: str, parameters: Iterable[str]) -> str:
-    """A parameter's path; of a beam that a curve changes the width is not that of the light."""
-    curved = any(p.startswith(_PROFILE) for p in parameters)
-    return f"{path} (of the Gaussian that the curve changes)" if curved and path == _WIDTH else path
+def means_something(path: str, parameters: Iterable[str]) -> bool:
+    """Is a parameter one to be told? The width of a Gaussian that a curve changes is that of no light."""
+    return path != _WIDTH or not any(p.startswith(_PROFILE) for p in parameters)

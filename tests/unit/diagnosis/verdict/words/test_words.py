@@ -20,7 +20,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import called, why_first
+from lightfield.diagnosis.verdict.words.effects import means_something, why_first
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
@@ -259,14 +259,14 @@ def test_no_reading_asked_for_is_no_contradiction_of_a_verdict_that_leaves_somet
         assert what_next(kind, None).startswith("No reading is named")
 
 
-def test_the_width_under_a_curve_is_not_called_that_of_the_light() -> None:
+def test_the_width_under_a_curve_is_not_told() -> None:
     """Only with a curve over the angle: one of the power leaves the beam as it is."""
     others = ["lamp.hwhm_deg", "water.absorption_per_m"]
     beam, power = "lamp.profile_departure.0", "lamp.power_departure.0"
     width = "lamp.hwhm_deg"
-    assert called(width, [*others, beam]) == "lamp.hwhm_deg (of the Gaussian that the curve changes)"
-    assert called(width, [*others, power]) == called(width, others) == width
-    assert called(others[1], [*others, beam]) == others[1]
+    assert not means_something(width, [*others, beam])
+    assert means_something(width, [*others, power]) and means_something(width, others)
+    assert means_something(others[1], [*others, beam])
 
 
 def test_nought_has_no_sign() -> None:
