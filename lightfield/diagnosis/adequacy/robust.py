@@ -214,7 +214,13 @@ def serial_correlation(
 
 
 def scatter_law(
-    residual: Array, rich: Array, keep: Array, sigma: Array, prediction: Array, most: float
+    residual: Array,
+    rich: Array,
+    keep: Array,
+    sigma: Array,
+    prediction: Array,
+    most: float,
+    alike: float = 1.0,
 ) -> Array | None:
     """Standard errors from the scatter itself, shape (n,), where the stated ones have another shape.
 
@@ -233,6 +239,8 @@ def scatter_law(
         Stated errors and model.
     most : float
         Largest factor on a stated variance that is believed beside a dark floor.
+    alike : float
+        So many readings that share their errors are one piece of evidence.
 
     Returns
     -------
@@ -252,7 +260,10 @@ def scatter_law(
         evidence, variance = profile(rows * (stated / shape)[:, None])
         evidence -= float(np.log(shape / stated).sum())
         limit = most * stated**2 + (_DARK * top) ** 2
-        if evidence > best + (_OVERWHELMING if law is None else 0.0) and (variance * shape**2 < limit).all():
+        if (
+            evidence > best + (alike * _OVERWHELMING if law is None else 0.0)
+            and (variance * shape**2 < limit).all()
+        ):
             best, law = evidence, np.sqrt(variance) * np.hypot(floor * top, np.clip(prediction, 0, None))
     return law
 

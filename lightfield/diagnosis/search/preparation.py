@@ -64,8 +64,8 @@ class Prepared:
 
     `noise` holds the Monte Carlo error of the base model, which is zero unless the scene has diffuse light;
     explanations by diffuse light add their own. `excess` is the mean factor of the variances of `noise` over
-    the stated ones, `known` what was fitted on the way, `to_trace_per_m` the water whose diffuse light must
-    be traced to say more.
+    the stated ones, `raised` that over what is left of these without what bands share, `known` what was
+    fitted on the way, `to_trace_per_m` the water whose diffuse light must be traced to say more.
     """
 
     problem: Problem
@@ -75,6 +75,7 @@ class Prepared:
     explanation: Explanation
     errors_stated: bool
     excess: float = 1.0
+    raised: float = 1.0
     known: tuple[FittedSet, ...] = ()
     to_trace_per_m: float | None = None
     doubted: bool = False
@@ -258,7 +259,10 @@ def _errors_about(
     slope = budget.position_slope(problem.forward, reference.values)
     layout = _with_common(kept, reference, whiten, budget.position_m * slope, stated)
     excess = float(((sigma / quoted_sigma) ** 2)[problem.keep > 0].mean())
-    sigma = own_part(sigma, layout.common * np.clip(reference.prediction, 0, None))
+    shared = layout.common * np.clip(reference.prediction, 0, None)
+    whole, sigma = sigma, own_part(sigma, shared)
+    left = np.maximum(whole**2 - shared**2, (_LEAST_OF_ALL * whole) ** 2)
+    raised = float((sigma**2 / left)[problem.keep > 0].mean())
     plain = Noise(layout, sigma, reference.prediction, budget, slope)
     still = beside_stays(problem, whiten, reference, budget, with_time=False)
     serial = Serial()
@@ -272,7 +276,7 @@ def _errors_about(
         expected = 1.0 if stated else None
         serial = serial_correlation(rows[:, -1], rows[:, :-1], problem.keep, layout, expected)
     noise = with_response_error(problem, plain, lit)
-    return Prepared(problem, noise, serial, reference, explanation, stated, excess)
+    return Prepared(problem, noise, serial, reference, explanation, stated, excess, raised)
 
 
 def _with_common(kept: Kept, reference: Fit, whiten: Whitener, by_place: Array, stated: bool) -> Layout:
@@ -305,7 +309,12 @@ def _apart(noise: Noise, keep: Array, columns: Array) -> Array:
 def _law(kept: Kept) -> Array | None:
     """Standard errors in place of stated ones that the scatter contradicts, see `scatter_law`."""
     keep, noise = kept.problem.keep, kept.whiten.noise
-    law = scatter_law(kept.fit.residual, kept.rich, keep, noise.sigma, noise.prediction, VARIANCE_EXCESS)
+    layout, bands = kept.problem.layout, 1.0
+    if layout.common.any():
+        bands = layout.size / (1 + layout.spectrum.max())
+    law = scatter_law(
+        kept.fit.residual, kept.rich, keep, noise.sigma, noise.prediction, VARIANCE_EXCESS, bands
+    )
     # What the places make of it is no part of what is stated in its place.
     return None if law is None else np.sqrt(np.maximum(law**2 - kept.place**2, (_OWN_OF_LAW * law) ** 2))
 

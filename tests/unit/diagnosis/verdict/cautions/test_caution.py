@@ -123,7 +123,7 @@ def test_scattering_is_that_of_a_phase_function(
     finding.levels.append(finding.level)
     of_layout = SimpleNamespace(layout=SimpleNamespace(common=np.zeros(1)))
     prepared = SimpleNamespace(
-        doubted=False, errors_stated=True, excess=1.0, problem=of_layout, noise=of_layout
+        doubted=False, errors_stated=True, excess=1.0, raised=1.0, problem=of_layout, noise=of_layout
     )
     monkeypatch.setattr(noise_and_fit, "is_of_the_search_alone", lambda problem, fit: False)
     told = SimpleNamespace(parameters={path: SimpleNamespace(reason=None) for path in fitted})
