@@ -60,8 +60,8 @@ def repeat_scatter(values: Sequence[Array], exposure_s: Array) -> RepeatScatter:
     variance, restless = _pooled(mean, exposure_s, scatter, repeats)
     bands = mean.shape[1]
     wild = restless.sum(axis=1)
-    alike = ((mean > 0) & np.isfinite(variance)).all(axis=1) & (wild == 0)
-    asked = alike & (repeats > 1)
+    lit = (mean > 0) & np.isfinite(variance) & (wild == 0)[:, None]
+    asked = lit & ((repeats > 1) & (lit.sum(axis=1) > 1))[:, None]
     common = np.zeros_like(variance)
     off = [_off_mean(some) for some in values]
     flicker = _flicker(off, variance, mean, asked) if bands > 1 else 0.0
@@ -69,14 +69,15 @@ def repeat_scatter(values: Sequence[Array], exposure_s: Array) -> RepeatScatter:
         own = np.maximum(variance - (flicker * mean) ** 2, _BEGIN * variance)
         for _ in range(_ROUNDS):
             scattered = np.full_like(own, np.nan)
-            for k in np.flatnonzero(asked).tolist():
-                scattered[k] = _about_factor(off[k], mean[k], own[k])
+            for k in np.flatnonzero(asked.any(axis=1)).tolist():
+                told = asked[k]
+                scattered[k, told] = _about_factor(off[k][:, told], mean[k, told], own[k, told])
             own, _ = _pooled(mean, exposure_s, scattered, repeats)
             # Weights that knew how far the factor went at a place would prefer where it went less.
             flicker = _flicker(off, own + (flicker * mean) ** 2, mean, asked)
         shared = (flicker * mean) ** 2
-        variance = np.where(alike[:, None], own + shared, variance)
-        common = np.minimum(shared, variance)
+        variance = np.where(lit, own + shared, variance)
+        common = np.where(lit, np.minimum(shared, variance), 0.0)
     if bands > 1:  # what made a whole spectrum wild made all its bands so
         common = np.where((wild == bands)[:, None], variance, common)
     return RepeatScatter(variance, common, restless)
@@ -105,26 +106,28 @@ def _off_mean(some: Array) -> Array:
 def _flicker(off: Sequence[Array], variance: Array, mean: Array, asked: Mask) -> float:
     """Standard deviation of the factor, 0 where there is none beyond chance.
 
-    What bands share is the mean product of their deviations; each place tells it as well as the scatter of
-    the bands there lets it.
+    What bands share is the mean product of their deviations; each pair of bands tells it, at each place, as
+    well as their scatter lets it.
 
     Parameters
     ----------
     off : sequence of arrays, shape (n_repeats, n_bands)
         Deviations over the mean.
     variance, mean : array, shape (n_places, n_bands)
-    asked : mask, shape (n_places,)
+    asked : mask, shape (n_places, n_bands)
     """
-    pairs = np.triu_indices(variance.shape[1], 1)
     total, weights, freedom = 0.0, 0.0, 0
-    for place in np.flatnonzero(asked).tolist():
-        here, of, relative = off[place], len(off[place]) - 1, variance[place] / mean[place] ** 2
-        weight = of / np.outer(relative, relative)[pairs].mean()
-        total += weight * (here.T @ here)[pairs].mean() / of
-        weights, freedom = weights + weight, freedom + of
+    for place in np.flatnonzero(asked.any(axis=1)).tolist():
+        told = asked[place]
+        here, of = off[place][:, told], len(off[place]) - 1
+        relative = variance[place, told] / mean[place, told] ** 2
+        pairs = np.triu_indices(len(relative), 1)
+        weight = of / np.outer(relative, relative)[pairs]
+        total += float(weight @ (here.T @ here)[pairs]) / of
+        weights, freedom = weights + float(weight.sum()), freedom + of
     if freedom < FEWEST:
         return 0.0
-    by_chance, shared = 1 / np.sqrt(weights * len(pairs[0])), total / weights
+    by_chance, shared = 1 / np.sqrt(weights), total / weights
     return float(np.sqrt(shared)) if shared > SIGMAS * by_chance else 0.0
 
 

@@ -20,7 +20,9 @@ SHOT = SimpleNamespace(
 )  # fmt: skip
 
 
-def rows(common: float, own: float, seed: int = 1, wild: float = 0.0) -> tuple[Array, Array]:
+def rows(
+    common: float, own: float, seed: int = 1, wild: float = 0.0, dim: float = 0.0
+) -> tuple[Array, Array]:
     """What bands share and standard errors, in per cent of the readings, shape (places, bands)."""
     rng = np.random.default_rng(seed)
     stays, points = [], {}
@@ -31,7 +33,8 @@ def rows(common: float, own: float, seed: int = 1, wild: float = 0.0) -> tuple[A
         for k in members:
             flicker = 1 + common * rng.standard_normal() + wild * (k == 7)
             for b in range(BANDS):
-                value = level * (1 + b) * (flicker + own * rng.standard_normal())
+                noise = own + dim * (b == BANDS - 1)
+                value = level * (1 + b) * (flicker + noise * rng.standard_normal())
                 points[k, b] = SimpleNamespace(
                     stated=np.nan, value=value, shot=SHOT, dark_error=0.0, saturated=False, darks=()
                 )
@@ -52,6 +55,14 @@ def test_flicker_is_told_with_its_size_and_what_is_left_to_a_band(seed: int) -> 
 def test_noise_of_every_band_by_itself_is_no_flicker(seed: int) -> None:
     common, _ = rows(0.0, 0.003, seed=seed)
     assert np.isnan(common).all()
+
+
+@pytest.mark.parametrize("dim", [0.05, 0.5])
+def test_a_dim_band_leaves_the_others_what_they_share(dim: float) -> None:
+    """It was lost for all of them; where the dim one is negative it is told of the others alone."""
+    common, total = rows(0.003, 0.001, dim=dim)
+    assert np.nanmedian(common[:, :-1]) == pytest.approx(0.3 / np.sqrt(REPEATS), rel=0.25)
+    assert np.median(abs(total[:, -1])) == pytest.approx(100 * dim / np.sqrt(REPEATS), rel=0.3)
 
 
 def test_a_wild_spectrum_is_wild_in_all_its_bands() -> None:
