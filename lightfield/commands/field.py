@@ -12,6 +12,9 @@ from lightfield.scene import Scene
 from lightfield.storage.files import output_file
 from lightfield.studies.defaults import FIELD_HALF_WIDTH_M, FIELD_STEP_M
 
+#: Part of a distance that is rounding.
+_ROUNDING = 1e-6
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the task and its options."""
@@ -52,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     output_file(args.output, args.scene, *scene.tables)
     photons = photons_of(args)
     from lightfield.maps.dataset import write_netcdf
-    from lightfield.robots.field_file import Asked, field_dataset
+    from lightfield.robots.field_file import Asked, field_dataset, resolved_from_m
 
     read = scene.detector.distances_m
     asked = Asked(
@@ -64,5 +67,12 @@ def run(args: argparse.Namespace) -> int:
     with progress_of("field"):
         found = field_dataset(scene, asked, photons=photons, seed=args.seed or 0)
     sizes = " x ".join(str(found.sizes[name]) for name in ("x", "y", "z"))
+    known_m = resolved_from_m(scene, asked.step_m)
+    if photons and asked.near_m < (1 - _ROUNDING) * known_m:
+        step_m = asked.step_m * asked.near_m / known_m
+        print(
+            f"note: nearer than {known_m:.2g} m steps of {asked.step_m:g} m are coarser than the beam, and what "
+            f"is scattered is off by more than its errors say (--step {step_m:.1g}, or --from {known_m:.2g})"
+        )
     print(f"{sizes} places, {photons:g} photons: {write_netcdf(found, args.output).resolve()}")
     return 0

@@ -25,6 +25,7 @@ from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, over_band
+from lightfield.scene.lamp.section import section_widths
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.defaults import FIELD_STEP_M
@@ -33,6 +34,8 @@ from lightfield.version import __version__
 #: Places of a grid at most: more would be a file of gigabytes.
 MOST_PLACES = 4_000_000
 #: Components of the flux vector.
+#: A beam that is wider is resolved everywhere, deg. Chosen: its tangent is large.
+_WIDEST_DEG = 80.0
 _AXES = ("x", "y", "z")
 
 
@@ -140,7 +143,18 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
             ("x", across, PLACE["x_m"]),
         )
     }
-    return xr.Dataset(variables, coords, _attributes(scene, photons, seed))
+    known_m = resolved_from_m(scene, asked.step_m)
+    return xr.Dataset(variables, coords, {"resolved_from_m": known_m, **_attributes(scene, photons, seed)})
+
+
+def resolved_from_m(scene: Scene, step_m: float) -> float:
+    """The distance from which on a beam is as wide as its steps: its half width where it is narrowest, m.
+
+    Nearer to the lamp scattered light is up to 20 % off, of which no error tells; from there on 1.5 %.
+    """
+    lamp = lit(scene).lamp
+    half_deg = min(section_widths(lamp)[0] * stated_width_deg(lamp), _WIDEST_DEG)
+    return lamp.least_distance_m + step_m / float(np.tan(np.radians(half_deg)))
 
 
 def _refuse_walls(scene: Scene, across: Array, along: Array) -> None:

@@ -60,7 +60,8 @@ class Region:
     near_m, far_m : float, m
         First and last distance.
     step_m : float, m
-        Largest distance of places across the beam at which it is tallied; along it four times that.
+        Largest distance of places across the beam at which it is tallied; along it four times that, or half
+        of the way from the lamp to the first, if that is less.
     """
 
     half_width_m: float
@@ -68,14 +69,23 @@ class Region:
     far_m: float
     step_m: float = 0.1
 
-    def grid(self) -> Grid:
-        """Cells whose centres reach one step beyond the region."""
+    def grid(self, least_m: float = 0.0) -> Grid:
+        """Cells whose centres reach one step beyond the region, and one and a half before it.
+
+        There the light changes most, and splines are off at their ends: 2 % half a step from them.
+
+        Parameters
+        ----------
+        least_m : float, m
+            No light is before it.
+        """
         across = 2 * int(np.ceil(self.half_width_m / self.step_m - _ROUNDING)) + 3
-        along = int(np.ceil((self.far_m - self.near_m) / (4 * self.step_m))) + 2
-        step_z = (self.far_m - self.near_m) / (along - 2)
-        first = max(self.near_m - 0.5 * step_z, 0.5 * self.near_m)
+        longest = min(4 * self.step_m, 0.5 * (self.near_m - least_m))
+        along = int(np.ceil((self.far_m - self.near_m) / longest))
+        step_z = (self.far_m - self.near_m) / along
         x = self.step_m * (np.arange(across) - 0.5 * (across - 1))
-        return Grid(np.linspace(first, self.far_m + 0.5 * step_z, along), x, x, self.step_m, self.step_m)
+        z = self.near_m + step_z * (np.arange(along + 3) - 1.5)
+        return Grid(z, x, x, self.step_m, self.step_m)
 
 
 def reference_for_others(scene: Scene) -> Reference:
@@ -114,8 +124,8 @@ def traced_field(
         A region that is not all in the water in front of the lamp, or photons that no trace can have.
     """
     check_photons(photons)
-    scene, grid = in_colour(lit(scene), float(middles_nm(scene)[0].mean())), region.grid()
-    _check(scene, region)
+    scene = in_colour(lit(scene), float(middles_nm(scene)[0].mean()))
+    grid = _grid(scene, region)
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "flux", **transport_key(scene, grid, chosen), "photons": photons, "seed": seed}
     stored = response_cache.recall(key) if cache else None
@@ -130,21 +140,23 @@ def traced_field(
     return TracedField(scene, grid, response)
 
 
-def _check(scene: Scene, region: Region) -> None:
-    grid = region.grid()
-    near = region.near_m > scene.lamp.least_distance_m
-    inside = near and region.far_m > region.near_m and region.half_width_m > 0
-    for cells, pitch, (low, high) in zip(
-        (grid.x_m, grid.y_m, grid.z_m),
-        (grid.pitch_x_m, grid.pitch_y_m, 0.0),
-        walls_m(scene.tank),
-        strict=True,
-    ):
-        inside = (
-            inside
-            and cells[0] - 0.5 * pitch >= low - _ROUNDING
-            and cells[-1] + 0.5 * pitch <= high + _ROUNDING
-        )
+def _grid(scene: Scene, region: Region) -> Grid:
+    """Cells of a region that is all in the water in front of the lamp."""
+    least = max(scene.lamp.least_distance_m, 0.0)
+    inside = least < region.near_m < region.far_m and region.half_width_m > 0
+    if inside:
+        grid = region.grid(least)
+        for cells, pitch, (low, high) in zip(
+            (grid.x_m, grid.y_m, grid.z_m),
+            (grid.pitch_x_m, grid.pitch_y_m, 0.0),
+            walls_m(scene.tank),
+            strict=True,
+        ):
+            inside = (
+                inside
+                and cells[0] - 0.5 * pitch >= low - _ROUNDING
+                and cells[-1] + 0.5 * pitch <= high + _ROUNDING
+            )
     if not inside:
         raise RenderError(
             "the light is asked for where there is no water",
@@ -153,6 +165,7 @@ def _check(scene: Scene, region: Region) -> None:
             rule="in front of the lamp, and one and a half steps away from every wall",
             remedy="ask for a smaller region, or take smaller steps",
         )
+    return grid
 
 
 @dataclass(frozen=True)
