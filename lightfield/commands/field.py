@@ -71,8 +71,9 @@ def run(args: argparse.Namespace) -> int:
     if photons and asked.near_m < (1 - _ROUNDING) * known_m:
         step_m = asked.step_m * asked.near_m / known_m
         print(
-            f"note: nearer than {known_m:.2g} m steps of {asked.step_m:g} m are coarser than the beam, and what "
-            f"is scattered is off by more than its errors say (--step {step_m:.1g}, or --from {known_m:.2g})"
+            f"note: nearer than {known_m:.2g} m steps of {asked.step_m:g} m are coarser than the beam, and "
+            "scattered light is off by more than its errors say "
+            f"(--step {step_m:.1g}, or --from {known_m:.2g})"
         )
     print(f"{sizes} places, {photons:g} photons: {write_netcdf(found, args.output).resolve()}")
     return 0

@@ -80,7 +80,7 @@ class Observer:
         mean, covariance = self.filter.beside(anew) if self._learns else believed
         root = np.linalg.inv(np.linalg.cholesky(covariance))
         poses, unknown, misfit = self._nearest(readings, variance, mean, root, anew)
-        scatter, common, certain = self._scatter(poses, unknown, variance)
+        scatter, common, certain = self._scatter(*self._between(poses, unknown, mean, anew), variance)
         measured, n = poses[:, self.filter.at], len(self.filter.at)
         if self._learns:
             # As the reading tells alone: what was known beforehand drew the unknowns, and the pose with them.
@@ -131,6 +131,19 @@ class Observer:
             )
         return poses, unknown, misfit
 
+    def _between(self, poses: Array, unknown: Array, mean: Array, anew: Mask) -> tuple[Array, Array]:
+        """Poses and unknowns at which is asked how well a reading tells: half way from what was expected.
+
+        At the found ones what noise draws nearer weighs more, and a follower takes itself to be too near; at
+        the expected ones it is too far by as much.
+        """
+        if not self._learns:
+            return poses, unknown
+        seen = (~anew)[:, None]
+        expected = np.clip(self.filter.poses, *self.box)
+        about = np.where(seen, poses + HALF_WAY * (expected - poses), poses)
+        return about, np.where(seen, unknown + HALF_WAY * (mean - unknown), unknown)
+
     def _scatter(self, poses: Array, unknown: Array, variance: Array) -> tuple[Array, Array, Mask]:
         """Covariances of poses and unknowns by single readings, shape (count, n + k, n + k).
 
@@ -159,6 +172,8 @@ class Observer:
         return found, found @ np.swapaxes(slopes, 1, 2) @ constants, certain
 
 
+#: Derived: to first order errors of the weights by noise are as large, and opposite, at either end.
+HALF_WAY = 0.5
 #: Part of what is known of the unknowns beforehand that every reading is taken to tell (chosen: a thousand
 #: readings do not add a prior to it).
 HINT = 1e-4

@@ -32,8 +32,12 @@ def test_what_is_not_known_is_learned_on_the_way(gain_percent: float, water_perc
     assert one.error == pytest.approx(one.scatter / np.sqrt(24))
     late = track.time_s > 5.0
     error, stated = (track.estimate - track.pose)[late][..., 2], track.sigma[late][..., 2]
-    # Of 24 runs of 19 s, each some ten times as long as a filter remembers a place.
-    assert 0.75 < np.sqrt(np.mean((error / stated) ** 2)) < 1.25
+    # Of 24 runs of 19 s, each some ten times as long as a filter remembers a place; of what stands still, but
+    # might move as far as the filter holds possible.
+    assert 0.5 < np.sqrt(np.mean((error / stated) ** 2)) < 1.0
+    # Asked how well a reading tells where it found the follower, or where it was expected, this is 5 cm.
+    of_runs = error.mean(axis=0)
+    assert abs(of_runs.mean()) < 3.5 * of_runs.std(ddof=1) / np.sqrt(24) < 0.03
 
 
 def test_a_lamp_that_may_point_elsewhere_is_in_the_errors() -> None:
