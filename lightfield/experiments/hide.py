@@ -94,9 +94,11 @@ class Hidden:
         """
         target = Path(folder)
         replaced_in(target)
+        # The truth first: a folder without one is not written over, also where the disk was full.
+        target.mkdir(parents=True, exist_ok=True)
+        write_text(target / "truth.json", json.dumps(self.truth, indent=2) + "\n")
         self.believed.save(target / "scene.toml")
         write_table(self.readings, target / "data.csv")
-        write_text(target / "truth.json", json.dumps(self.truth, indent=2) + "\n")
         return target
 
 

@@ -53,7 +53,7 @@ def dropped(files: Sequence[File], units: str, scene: Scene) -> Readings:
 def _check_names(index: Path, known: set[str]) -> None:
     """An index from a browser reads what came with it, and nothing else of this machine."""
     problems = Problems(index.name)
-    others = [entry.file for entry in read_index(index, problems) if entry.file not in known]
+    others = [entry.file for entry in read_index(index, problems)[0] if entry.file not in known]
     problems.raise_any("not a usable index")
     if others:
         raise MeasurementError(

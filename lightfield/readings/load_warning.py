@@ -36,6 +36,7 @@ class Remarks(str, Enum):
     UNUSED_COLUMN = "unused_column"
     UNUSED_ENTRY = "unused_entry"
     IGNORED_COLUMNS = "ignored_columns"
+    UNKNOWN_COLUMNS = "unknown_columns"
     UNIT_TAKEN = "unit_taken"
     TIME_FROM_HEADER = "time_from_header"
     UNLIKE_ZONES = "unlike_zones"
@@ -227,6 +228,10 @@ _WORDS: dict[Remarks, tuple[_Words, _Words]] = {
     Remarks.IGNORED_COLUMNS: (
         "columns that are not used: {columns}",
         "say what one of them is, if it matters: column MEANING=NAME",
+    ),
+    Remarks.UNKNOWN_COLUMNS: (
+        "columns of the index that mean nothing here, and are not used: {columns}",
+        "name them x_m, y_m, time_s or integration_time_s, in metres and seconds, if that is what they hold",
     ),
     Remarks.UNIT_TAKEN: (
         "the column {column!r} does not say its unit: {meaning} is taken to be in {unit}",

@@ -14,6 +14,9 @@ from lightfield.storage.inputs import FileKind, read_bytes
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 NOT_A_NUMBER = re.compile(r"[+-]?(?:nan|na|n/a|inf|infinity|null|none|-?1\.#\w+)", re.IGNORECASE)
+_CLOCK = re.compile(
+    r"(?:^|[ T])\d{1,2}:\d{2}(?::\d{2}(?:[.,]\d+)?)?\s*(?:[ap]m|z)?$", re.ASCII | re.IGNORECASE
+)
 _BREAK = re.compile(r"\r\n|\r|\n")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f\x7f]")
 _BOMS = (
@@ -143,6 +146,8 @@ def parsed_number(cell: str, mark: str = ".") -> float:
         raise ValueError("is not a finite number")
     if mark == "," and "." not in text:
         text = text.replace(",", ".")
+    if _CLOCK.search(text):
+        raise ValueError("is a time of day, and no number of seconds")
     if not NUMBER.fullmatch(text):
         raise ValueError("is not a number")
     value = float(text)

@@ -80,7 +80,9 @@ def import_index(
     if columns and has_places(columns):
         shots, notes = places.read_places(where, columns, bands_nm, problems)
     else:
-        shots = _read_files(read_index(path, problems), problems, columns)
+        entries, unknown = read_index(path, problems)
+        shots = _read_files(entries, problems, columns)
+        notes = [LoadWarning(Remarks.UNKNOWN_COLUMNS, {"columns": unknown})] if unknown else []
     shots = _settle(shots, unit == "counts", problems)
     if not is_absolute(unit):
         _check_one_instrument(shots, problems)

@@ -58,10 +58,11 @@ class IndexLine:
         return f"{self.file}[{self.number}]" if self.number else self.file
 
 
-def read_index(path: str | PathLike[str], problems: Problems) -> list[IndexLine]:
+def read_index(path: str | PathLike[str], problems: Problems) -> tuple[list[IndexLine], tuple[str, ...]]:
     """Read an index CSV with the columns of COLUMNS.
 
-    Only `file` is required, and z_m for what is neither dark nor ignored.
+    Only `file` is required, and z_m for what is neither dark nor ignored. Columns that mean nothing here come
+    beside the lines.
 
     Raises
     ------
@@ -73,7 +74,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[IndexLine]
     place = {name: c for c, name in enumerate(sheet.names)}
     unknown = [name for name in sheet.names if name not in COLUMNS]
     if "file" not in place:
-        return []
+        return [], ()
     for name in (n for n in COLUMNS if n not in place and n != "file"):
         other = look_alike(name, unknown)
         if other:
@@ -132,7 +133,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> list[IndexLine]
         problems.add(
             "no spectrum has the role signal or reference", remedy="add the lines of the measurement"
         )
-    return entries
+    return entries, tuple(filter(None, unknown))
 
 
 def _number(name: str, cell: str, mark: str, line: int, problems: Problems) -> float:

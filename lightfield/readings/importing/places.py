@@ -19,6 +19,7 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.problems import Problems
 from lightfield.readings.text import read_text
+from lightfield.readings.units import of_column
 from lightfield.storage.inputs import READINGS
 
 PLACES = ("z_m", "x_m", "y_m", "time_s", "integration_time_s")
@@ -74,6 +75,8 @@ def read_places(
             remedy="say which column is the value",
         )
     errors = table.column(at["stderr"], problems) if "stderr" in at else np.full(len(table.cells), np.nan)
+    if "stderr" in at and "value" in at and table.units[at["stderr"]] == "%":
+        errors = 0.01 * errors * np.abs(table.column(at["value"], problems))
     if "value" in at:
         spectra = _one_band(where, table, at["value"], bands_nm, problems)
         ignored = plain.unused(table, at.values())
@@ -147,6 +150,7 @@ def _one_band(
             rule="one band for a column of values",
         )
     low, high = bands_nm[0]
+    unit = of_column(table.names[index], table.units[index])
     return [
         Spectrum(
             source=where,
@@ -154,6 +158,7 @@ def _one_band(
             wavelength_nm=np.array([low, high]),
             columns={"value": np.full(2, value)},
             header={"title": NAME},
+            processed_unit=unit,
             band_nm=(low, high),
         )
         for value in table.column(index, problems)

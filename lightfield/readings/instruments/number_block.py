@@ -204,11 +204,11 @@ def _table(
 
 
 def _refuse_thousands(rows: Sequence[Sequence[str]], mark: str, problems: Problems) -> None:
-    """Where every mark may part thousands, and hundreds beside them have none, it does not part decimals."""
-    marked = [cell for cells in rows for cell in cells if mark in cell and _is_number(cell)]
-    if not all(map(_GROUPED[mark].fullmatch, marked)):
-        return
+    """A mark parts no decimals where each of a column may part thousands, and hundreds beside have none."""
     for column in zip(*rows, strict=True):
+        marked = [cell for cell in column if mark in cell and _is_number(cell)]
+        if not all(map(_GROUPED[mark].fullmatch, marked)):
+            continue
         grouped = next((cell for cell in column if _GROUPED[mark].fullmatch(cell)), None)
         small = next((cell for cell in column if _HUNDREDS.fullmatch(cell)), None)
         if grouped and small:

@@ -213,7 +213,9 @@ def amount_text(model: Constituents, name: str) -> str:
     if amount is None:
         return "–"
     if amount.found:
-        return f"{amount.value:.3g} ({amount.low_68:.3g} to {amount.high_68:.3g})"
+        wide = max((amount.high_68 - amount.low_68) / 2, 1e-8 * amount.high_68)
+        digits = max(3, 2 + int(np.ceil(np.log10(amount.high_68 / wide))))
+        return f"{amount.value:.{digits}g} ({amount.low_68:.{digits}g} to {amount.high_68:.{digits}g})"
     if others := model.instead_of(name):
         return f"0 to {amount.high_95:.2g}, or {' or '.join(model.amounts[o].name for o in others)}"
     return f"none found: < {amount.high_95:.2g}"

@@ -92,10 +92,12 @@ def rows(found: Bands) -> list[list[str]]:
 
 
 def _share(best: BestBand) -> str:
-    """In per cent, with its error where light was traced."""
+    """In per cent, with its error where light was traced; an attenuation over the least."""
     if not np.isfinite(best.paper_share):
         return UNTOLD
     error = f" ± {max(100 * best.paper_share_stderr, 0.1):.1f}" if best.paper_share_stderr > 0 else ""
+    if best.criterion == "attenuation":
+        return f"{1 / best.paper_share:.3g} times as much"
     return f"{100 * best.paper_share:.0f}{error} %"
 
 

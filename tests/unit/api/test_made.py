@@ -66,6 +66,19 @@ def test_a_render_worse_than_the_noise_is_warned_of(tmp_path, capsys):
         assert truth["light_in_doubt"] == (doubt if told else None)
 
 
+def test_a_riddle_that_a_full_disk_left_half_is_written_anew(riddle, tmp_path, monkeypatch):
+    """What was hidden is written first: without it nothing of a folder is replaced."""
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("lightfield.experiments.hide.write_table", full)
+        with pytest.raises(OSError):
+            riddle.save(tmp_path / "half")
+    assert (riddle.save(tmp_path / "half") / "data.csv").exists()
+
+
 def test_a_riddle_replaces_a_riddle_and_no_readings(riddle, tmp_path):
     riddle.save(tmp_path)
     riddle.save(tmp_path)

@@ -21,6 +21,7 @@ VALUES: dict[Remarks, dict[str, Remarked]] = {
     Remarks.UNUSED_COLUMN: {"unused": "x_cm", "missing": "x_m"},
     Remarks.UNUSED_ENTRY: {"unused": "positon_mm", "missing": "position_mm"},
     Remarks.IGNORED_COLUMNS: {"columns": ("temp", "remark")},
+    Remarks.UNKNOWN_COLUMNS: {"columns": ("pos_x_m", "Zeit_s")},
     Remarks.UNIT_TAKEN: {"column": "depth", "meaning": "z_m", "unit": "m"},
     Remarks.TIME_FROM_HEADER: {"start": "2025-05-05 12:00:00"},
     Remarks.NO_DARK: {"files": ("a.txt", "b.txt")},

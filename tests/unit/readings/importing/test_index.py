@@ -309,3 +309,9 @@ def test_jaz_counts_cannot_be_called_an_irradiance(tmp_path):
     jaz(tmp_path / "j.jaz", DARK, DARK + 1)
     assert "take the unit counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="uW/cm^2/nm")[0]
     assert "take the unit counts" in problems(tmp_path, ["j.jaz,4.5,0,0,signal"], units="counts/s")[0]
+
+
+def test_columns_of_an_index_that_mean_nothing_are_named(campaign):
+    readings = run(campaign, ["a.txt,4.5,0.1,signal", "dark_a.txt,,,dark"], "file,z_m,pos_x_m,role")
+    (told,) = (w for w in readings.warnings if w.code == "unknown_columns")
+    assert "pos_x_m" in told.sentence and "x_m" in told.remedy

@@ -10,6 +10,7 @@ from campaign import codes, problems, run
 from instrument_files import written
 
 from lightfield.errors import MeasurementError
+from lightfield.readings.importing.importer import import_index
 from lightfield.readings.importing.reduction import band_mean
 from lightfield.readings.importing.saturation import saturated_pixels
 from lightfield.readings.instruments.formats import read_spectra
@@ -176,3 +177,28 @@ def test_times_of_a_night_in_which_summer_time_ends(tmp_path: Path, zones, secon
         assert "unlike_zones" in codes(found) and np.isnan(found.time_s).all()
     else:
         assert np.ptp(found.time_s) == seconds
+
+
+def own_table(folder: Path, text: str, **columns: str):
+    (folder / "own.csv").write_text(text)
+    meant = {"z_m": "z (m)", "value": "v", **columns}
+    return import_index(
+        folder / "own.csv", quantity="irradiance", units="relative", bands_nm=[(500, 550)], columns=meant
+    )
+
+
+def test_a_table_of_ones_own_says_its_scales_too(tmp_path: Path) -> None:
+    """Errors in per cent are of the value; logarithms, thousands and times of day are refused."""
+    found = own_table(tmp_path, "z (m),v,Fehler (%)\n2,100,0.5\n3,50,0.5\n", stderr="Fehler (%)")
+    assert found.stderr.tolist() == pytest.approx([0.5, 0.25])
+    for text, columns, words in (
+        ("z (m),v (dB)\n2,-10\n3,-16\n", {"value": "v (dB)"}, "logarithms"),
+        ("z (m),v\n2,1.234\n3,999\n2.5,2.100\n", {}, "thousands mark"),
+        (
+            "z (m),v,t\n2,10,10:00:30\n3,20,10:00:50\n",
+            {"time_s": "t"},
+            "time of day, and no number",
+        ),
+    ):
+        with pytest.raises(MeasurementError, match=words):
+            own_table(tmp_path, text, **columns)

@@ -110,4 +110,4 @@ def test_what_a_lamp_with_an_edge_leaves_over_is_no_certain_background(seed: int
     verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
     assert "background" in verdict.best_set and "background" not in verdict.certain
     (finest,) = (c for c in verdict.cautions if c.warns is Warns.FINEST_CURVE)
-    assert "measure the lamp in air" in finest.sentence
+    assert "state its table" in finest.sentence
