@@ -222,8 +222,9 @@ def against_scene(readings: Given, scene: Scene, problems: Problems | None = Non
     if scene.tank is not None:
         _check_tank(readings, scene.tank, refuse)
     least = scene.lamp.least_distance_m
+    near = (readings.z_m < least) & (readings.z_m > 0)  # what lies behind the window is refused already
     refuse(
-        readings.z_m < least, "z_m", "is too near to where the light comes from",
+        near, "z_m", "is too near to where the light comes from",
         f"at least {least:g}, twice -lamp.apparent_distance_m", "write an apparent_distance_m nearer to 0",
     )  # fmt: skip
     drift = scene.lamp.drift_per_hour

@@ -53,7 +53,9 @@ class Problems:
             The column whose cell could not be read there; with `whole`, none of its cells could.
         """
         lines = () if place is None else (place,)
-        self.found.append(Complaint(what, found, rule, remedy, lines=lines, noun=self.noun))
+        one = Complaint(what, found, rule, remedy, lines=lines, noun=self.noun)
+        if not (self.found and lines and str(self.found[-1]) == str(one)):  # a line read once for every band
+            self.found.append(one)
         if column is not None:
             self.unread.add((column, None if whole else place))
 

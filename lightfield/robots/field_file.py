@@ -154,7 +154,7 @@ def resolved_from_m(scene: Scene, step_m: float) -> float:
     """
     lamp = lit(scene).lamp
     half_deg = min(section_widths(lamp)[0] * stated_width_deg(lamp), _WIDEST_DEG)
-    return lamp.least_distance_m + step_m / float(np.tan(np.radians(half_deg)))
+    return max(step_m / float(np.tan(np.radians(half_deg))) - lamp.apparent_distance_m, 0.0)
 
 
 def _refuse_walls(scene: Scene, across: Array, along: Array) -> None:

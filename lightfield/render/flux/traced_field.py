@@ -69,18 +69,18 @@ class Region:
     far_m: float
     step_m: float = 0.1
 
-    def grid(self, least_m: float = 0.0) -> Grid:
+    def grid(self, source_m: float = 0.0) -> Grid:
         """Cells whose centres reach one step beyond the region, and one and a half before it.
 
         There the light changes most, and splines are off at their ends: 2 % half a step from them.
 
         Parameters
         ----------
-        least_m : float, m
-            No light is before it.
+        source_m : float, m
+            From where the light seems to come.
         """
         across = 2 * int(np.ceil(self.half_width_m / self.step_m - _ROUNDING)) + 3
-        longest = min(4 * self.step_m, 0.5 * (self.near_m - least_m))
+        longest = min(4 * self.step_m, 0.5 * (self.near_m - source_m))
         along = int(np.ceil((self.far_m - self.near_m) / longest))
         step_z = (self.far_m - self.near_m) / along
         x = self.step_m * (np.arange(across) - 0.5 * (across - 1))
@@ -142,10 +142,10 @@ def traced_field(
 
 def _grid(scene: Scene, region: Region) -> Grid:
     """Cells of a region that is all in the water in front of the lamp."""
-    least = max(scene.lamp.least_distance_m, 0.0)
-    inside = least < region.near_m < region.far_m and region.half_width_m > 0
+    near = max(scene.lamp.least_distance_m, 0.0) < region.near_m
+    inside = near and region.near_m < region.far_m and region.half_width_m > 0
     if inside:
-        grid = region.grid(least)
+        grid = region.grid(max(-scene.lamp.apparent_distance_m, 0.0))
         for cells, pitch, (low, high) in zip(
             (grid.x_m, grid.y_m, grid.z_m),
             (grid.pitch_x_m, grid.pitch_y_m, 0.0),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lightfield.diagnosis.certainty import Certainty
@@ -9,12 +10,15 @@ from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, Fo
 from lightfield.diagnosis.verdict.speech import exactly, join, roughly, short
 from lightfield.fitting import effects
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
+from lightfield.scene import Lamp
+from lightfield.scene.lamp.section import oval_widths, widest_turn
 from lightfield.wording import capital, plain
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of. Chosen: half.
 _SPOKEN = 50.0
 #: Every water has some.
 _SCATTERING = "scattering"
+_OVAL = ("lamp.ellipticity", "lamp.ellipticity_diagonal")
 _WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
 #: A lamp of any shape.
 _CURVE = "beam_profile"
@@ -101,7 +105,18 @@ def effect_size(one: FoundEffect) -> str:
         return (
             f"a curve of {len(one.parameters)} functions, {short(one.rms_percent, 2)} % rms of the readings"
         )
-    return ", ".join(f"{path.rpartition('.')[2]} = {exactly(e)}" for path, e in one.parameters.items())
+    sizes = ", ".join(f"{path.rpartition('.')[2]} = {exactly(e)}" for path, e in one.parameters.items())
+    return f"{sizes}{_as_an_oval(one.parameters)}"
+
+
+def _as_an_oval(parameters: Mapping[str, Estimate]) -> str:
+    """What two ellipticities are together: how long the oval is, and where it points."""
+    if not {*_OVAL} <= {*parameters}:
+        return ""
+    lamp = Lamp(**{path.rpartition(".")[2]: parameters[path].value for path in _OVAL})
+    narrow, wide = oval_widths(lamp)
+    turn_deg = math.degrees(widest_turn(lamp))
+    return f" ({wide / narrow:.3g} times as wide as across at {turn_deg:.0f} degrees from x towards y)"
 
 
 def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "") -> tuple[str, ...]:

@@ -216,6 +216,10 @@ def test_the_simplest_comes_with_what_else_would_do() -> None:
     one = effect("beam_tilt", "simplest", ["acceptance", "detector_tilt"])
     assert effects.level(one) == "simplest; acceptance with detector tilt would do as well"
     assert effects.effect_size(one) == "beam_tilt = 0.5 ± 0.01"
+    size = Estimate(value=1.0, unit="1", stderr=0.01)
+    oval = {"lamp.ellipticity": size, "lamp.ellipticity_diagonal": size.model_copy(update={"value": 1.69})}
+    told = effects.effect_size(effect("beam_ellipticity", "certain").model_copy(update={"parameters": oval}))
+    assert told.endswith("(1.69 times as wide as across at 45 degrees from x towards y)")
     by_lamp = effect("acceptance", "simplest").model_copy(update={"other_lamp": True})
     assert effects.level(by_lamp) == "simplest; a lamp of another shape would do as well"
     detail = effect("lamp_drift", "simplest", ["lamp_power_curve"]).model_copy(update={"lamp_detail": True})
