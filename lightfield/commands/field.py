@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         print(
             f"note: nearer than {known_m:.2g} m steps of {asked.step_m:g} m are coarser than the beam, and "
             "scattered light is off by more than its errors say "
-            f"(--step {step_m:.1g}, or --from {known_m:.2g})"
+            f"(--step {0.95 * step_m:.2g}, or --from {1.05 * known_m:.2g})"
         )
     print(f"{sizes} places, {photons:g} photons: {write_netcdf(found, args.output).resolve()}")
     return 0

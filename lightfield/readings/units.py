@@ -20,7 +20,8 @@ _WAVELENGTH = {"nm": 1.0, "um": 1e3}
 _SUPERSCRIPT = str.maketrans({"⁻": "-", "¹": "1", "²": "2", "³": "3", "µ": "u", "μ": "u", "−": "-"})
 #: What a file may call numbers that are logarithms, and units of what is no light per nm.
 _LOGARITHM = re.compile(
-    r"(?:^|\W)(dbm?|decibels?|absorban[cz]\w*|extinktion|o\.?d\.?|optical density|log\w*)(?:\W|$)"
+    r"(?:^|\W)(dbm?|decibels?|absorban[cz]\w*|extinktion|o\.?d\.?|optical density|"
+    r"log(?:10|e|arithm\w*)?)(?:\W|$)"
 )
 _OTHER = re.compile(r"%|percent|[umnpk\u00b5\u03bc]?[wva]|[umn\u00b5\u03bc]?j", re.IGNORECASE)
 _FACTOR = re.compile(r"([A-Za-z]+)\^?([+-]?[0-9]{1,2})?")

@@ -57,6 +57,10 @@ class Asked:
     far_m: float
     step_m: float = FIELD_STEP_M
 
+    def region(self, half_width_m: float) -> Region:
+        """Where light is traced for it."""
+        return Region(half_width_m, self.near_m, self.far_m, self.step_m)
+
     def axes(self) -> tuple[Array, Array]:
         """Places across the beam, and along it, m."""
         low = 0 < self.near_m < self.far_m < np.inf
@@ -69,10 +73,11 @@ class Asked:
             )
         sides = self.half_width_m / self.step_m
         length = (self.far_m - self.near_m) / (4 * self.step_m)
-        if not (2 * sides + 3) ** 2 * (length + 2) <= MOST_PLACES:
+        traced = (self.far_m - self.near_m) / self.region(self.half_width_m).longest_step_m()
+        if not (2 * sides + 3) ** 2 * (traced + 3) <= MOST_PLACES:
             raise UsageError(
                 "too many places", found=f"steps of {self.step_m:g} m", rule=f"at most {MOST_PLACES:,}",
-                remedy="take larger steps, or a smaller part of the water",
+                remedy="take larger steps, or a smaller part of the water, or begin farther from the lamp",
             )  # fmt: skip
         half = int(np.floor(sides + 1e-9))
         return (
@@ -113,7 +118,7 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
     if photons:
         field = traced_field(
             scene,
-            Region(float(across[-1]), asked.near_m, asked.far_m, asked.step_m),
+            asked.region(float(across[-1])),
             photons=photons,
             seed=seed,
         )

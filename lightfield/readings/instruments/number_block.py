@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -79,10 +79,6 @@ class NumberBlock:
         """What the head says of the "x" or the "y" axis: its unit or its name; "" where it is silent."""
         label = re.compile(rf"{axis}[- ]?(axis|achse).*")
         return next((said for name, said in self.header.items() if label.fullmatch(labels.folded(name))), "")
-
-    def turned(self) -> NumberBlock:
-        """The same from its last row to its first."""
-        return replace(self, lines=self.lines[::-1], cells=self.cells[::-1])
 
     def column(self, index: int, problems: Problems, whole: bool = False) -> Array:
         """Numbers of a column; nan where a cell says there is none. What is no number goes to `problems`.

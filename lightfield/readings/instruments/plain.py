@@ -26,7 +26,7 @@ NAME = "plain columns"
 #: What the first column of a spectrum may hold beside wavelengths in nm.
 _NO_NM = re.compile(
     r"pixel|raman|wave ?number|wellenzahl|cm\s*\^?-1|1/cm|energ|\bev\b|frequen|\bt?hz\b|angstr|"
-    r"\b[uµμ]m\b|micro|^a$|[\[(]a[\])]"
+    r"\b[uµμ]m\b|micro|[\[(]a[\])]"
 )
 #: What a mapping may name.
 MEANINGS = ("wavelength_nm", "value", "dark", "reference")
@@ -73,16 +73,15 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
             "the first column is not wavelength in nm", other, remedy="export wavelengths in nm",
         )  # fmt: skip
     wavelength = table.column(axis, problems, whole=True)
-    if _falls(wavelength):
-        table, wavelength = table.turned(), wavelength[::-1]
-    check_axis(wavelength, table.lines, problems)
+    turn = slice(None, None, -1 if _falls(wavelength) else 1)
+    check_axis(wavelength[turn], table.lines[turn], problems)
     if "value" in chosen and len(chosen) > 1 + ("wavelength_nm" in chosen):
         named = {"signal" if m == "value" else m: k for m, k in chosen.items() if m != "wavelength_nm"}
         sets = [
             (
                 "",
                 {meaning: table.column(k, problems) for meaning, k in named.items()},
-                units.of_column("", table.units[chosen["value"]]),
+                _unit(table, chosen["value"]),
             )
         ]
     else:
@@ -95,9 +94,13 @@ def read(document: Document, mapping: Mapping[str, str] | None = None) -> list[S
     problems.raise_any("not a usable file of columns")
     notes = without_cut_number(document, [values for _, columns, _ in sets for values in columns.values()])
     ignored = unused(table, [axis, *chosen.values()]) if "value" in chosen else ()
-    return [
-        replace(_spectrum(document, table, wavelength, columns, label, unit, notes), ignored=ignored)
+    turned = [
+        (label, {name: values[turn] for name, values in columns.items()}, unit)
         for label, columns, unit in sets
+    ]
+    return [
+        replace(_spectrum(document, table, wavelength[turn], columns, label, unit, notes), ignored=ignored)
+        for label, columns, unit in turned
     ]
 
 
@@ -108,7 +111,7 @@ def _falls(wavelength_nm: Array) -> bool:
 
 def _other_axis(table: NumberBlock, axis: int) -> str:
     """What the column of wavelengths says it holds, where that is not wavelengths in nm; else ""."""
-    said = table.names[axis], table.units[axis], table.said("x")
+    said = table.names[axis], f"({table.units[axis]})", table.said("x")
     return next((text for text in said if _NO_NM.search(labels.folded(text))), "")
 
 

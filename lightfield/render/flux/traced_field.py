@@ -69,6 +69,10 @@ class Region:
     far_m: float
     step_m: float = 0.1
 
+    def longest_step_m(self, source_m: float = 0.0) -> float:
+        """Between cells along the beam, see `grid`."""
+        return min(4 * self.step_m, 0.5 * (self.near_m - source_m))
+
     def grid(self, source_m: float = 0.0) -> Grid:
         """Cells whose centres reach one step beyond the region, and one and a half before it.
 
@@ -80,8 +84,7 @@ class Region:
             From where the light seems to come.
         """
         across = 2 * int(np.ceil(self.half_width_m / self.step_m - _ROUNDING)) + 3
-        longest = min(4 * self.step_m, 0.5 * (self.near_m - source_m))
-        along = int(np.ceil((self.far_m - self.near_m) / longest))
+        along = int(np.ceil((self.far_m - self.near_m) / self.longest_step_m(source_m)))
         step_z = (self.far_m - self.near_m) / along
         x = self.step_m * (np.arange(across) - 0.5 * (across - 1))
         z = self.near_m + step_z * (np.arange(along + 3) - 1.5)
@@ -142,8 +145,7 @@ def traced_field(
 
 def _grid(scene: Scene, region: Region) -> Grid:
     """Cells of a region that is all in the water in front of the lamp."""
-    near = max(scene.lamp.least_distance_m, 0.0) < region.near_m
-    inside = near and region.near_m < region.far_m and region.half_width_m > 0
+    inside = scene.lamp.least_distance_m < region.near_m < region.far_m and region.half_width_m > 0
     if inside:
         grid = region.grid(max(-scene.lamp.apparent_distance_m, 0.0))
         for cells, pitch, (low, high) in zip(

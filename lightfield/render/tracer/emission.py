@@ -109,7 +109,9 @@ class Emission:
     def _envelope(self, theta: np.ndarray) -> np.ndarray:
         """Intensity of the beam's widest section; for a tally by direction, of any beam asked later."""
         uneven = self.lamp.profile == "table" or is_lopsided(self.lamp)
-        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if uneven else np.array([[widest_turn(self.lamp)]])
+        # Of a formula the widest section and the narrowest, where a ring is that the other has farther out.
+        extremes = widest_turn(self.lamp) + np.array([[0.0], [0.5 * pi]])
+        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if uneven else extremes
         across, up = np.cos(turns), np.sin(turns)
         if self.nodes is not None:
             # Splines over coarse outer rings lift a beam's tail: photons there must not be rare and heavy.

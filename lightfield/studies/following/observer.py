@@ -12,7 +12,7 @@ from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel, Spac
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.estimation.pose import DOUBTFUL, IN_A_ROW, LOST_SIGMA, Estimator
 from lightfield.studies.follower.estimation.tracking import Filter
-from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.frames import POSE, wrapped
 from lightfield.studies.follower.information import LEAST_INFORMATION
 from lightfield.studies.follower.pose_search import (
     FEW_STEPS,
@@ -140,8 +140,9 @@ class Observer:
         if not self._learns:
             return poses, unknown
         seen = (~anew)[:, None]
-        expected = np.clip(self.filter.poses, *self.box)
-        about = np.where(seen, poses + HALF_WAY * (expected - poses), poses)
+        apart = np.clip(self.filter.poses, *self.box) - poses
+        apart[:, 3:] = wrapped(apart[:, 3:])
+        about = np.where(seen, poses + HALF_WAY * apart, poses)
         return about, np.where(seen, unknown + HALF_WAY * (mean - unknown), unknown)
 
     def _scatter(self, poses: Array, unknown: Array, variance: Array) -> tuple[Array, Array, Mask]:

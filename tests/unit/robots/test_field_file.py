@@ -113,6 +113,8 @@ def test_a_grid_that_leaves_the_water_is_refused_without_photons_too(asked: Aske
 def test_a_grid_of_gigabytes_is_refused() -> None:
     with pytest.raises(UsageError, match="too many places"):
         Asked(5.0, 1.0, 100.0, 0.01).axes()
+    with pytest.raises(UsageError, match="begin farther from the lamp"):  # planes lie ever closer there
+        Asked(2.0, 0.001, 10.0, 0.1).axes()
 
 
 def test_the_command_writes_it(tmp_path, monkeypatch, capsys) -> None:
@@ -124,6 +126,24 @@ def test_the_command_writes_it(tmp_path, monkeypatch, capsys) -> None:
     with xr.open_dataset("field.nc") as data:
         assert float(data.flux_diffuse_z.max()) == 0 < float(data.flux_direct_z.max())
     assert cli.main([*words, "scene.toml"]) == 2
+    traced = [
+        "field",
+        "export",
+        "scene.toml",
+        "--max-photons",
+        "1e4",
+        "-o",
+        "near.nc",
+        "--step",
+        "0.2",
+        "--to",
+        "4",
+    ]
+    assert cli.main([*traced, "--from", "1"]) == 0
+    # A beam of 3.81 degrees is 0.2 m wide at 3.0 m.
+    assert "nearer than 3 m steps of 0.2 m are coarser than the beam" in capsys.readouterr().out
+    assert cli.main([*traced, "--from", "3.2"]) == 0
+    assert "coarser" not in capsys.readouterr().out
 
 
 def test_the_first_plane_is_as_right_as_one_within() -> None:

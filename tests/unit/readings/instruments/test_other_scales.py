@@ -67,6 +67,11 @@ def test_the_head_says_the_unit_where_the_column_does_not(tmp_path: Path) -> Non
     assert "logarithms (dbm)" in line
 
 
+def test_a_logger_is_no_logarithm(tmp_path: Path) -> None:
+    written(tmp_path, columns("nm", "Logger a"))
+    assert run(tmp_path, ["a.txt,2,0.1"], NAMES, units="relative").value.tolist() == pytest.approx([1375.0])
+
+
 @pytest.mark.parametrize("unit", ["%", "W", "mV"])
 def test_a_unit_that_is_no_count_and_no_light_per_nm_is_relative(tmp_path: Path, unit: str) -> None:
     written(tmp_path, columns("nm", f"Signal ({unit})"))
@@ -80,6 +85,10 @@ def test_wavelengths_that_fall_are_turned(tmp_path: Path) -> None:
     (found,) = read_spectra(written(tmp_path, columns("Wavelength (nm)", "%T", NM[::-1], LIGHT[::-1])))
     assert found.wavelength_nm.tolist() == NM.tolist()
     assert found.columns["value"].tolist() == LIGHT.tolist()
+    # A last line that is cut may have lost digits, and is that of the shortest wavelength.
+    cut = columns("Wavelength (nm)", "%T", NM[::-1], LIGHT[::-1])[:-2]
+    (found,) = read_spectra(written(tmp_path, cut))
+    assert np.flatnonzero(np.isnan(found.columns["value"])).tolist() == [0]
     both = np.r_[NM, NM[::-1]]
     with pytest.raises(MeasurementError, match="the wavelength does not increase"):
         read_spectra(written(tmp_path, columns("Wavelength (nm)", "Counts", both, np.r_[LIGHT, LIGHT])))
