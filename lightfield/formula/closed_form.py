@@ -50,6 +50,8 @@ _SEVEN, _RINGS, _MOST_RINGS = 0.75, 1.5, 12
 #: A collimator sees all of a window that is smaller than this part of what it sees from the axis; where its
 #: edge may cut it there are so many points: right to 2 % (test_window.py).
 _WHOLLY, _CUT = 0.1, 200
+#: So many rays from points of a window to receivers are worked out at once. Chosen: memory alone.
+_AT_ONCE = 20_000
 #: No beam counts as wider, rad.
 _STEEPEST = 1.4
 
@@ -161,17 +163,20 @@ def direct_field(
     in_air, scene = air_mask(medium), own_formulas.lit(scene)
     lamp, on_path = scene.lamp, own_formulas.factor(scene, ("path",), x, y, z, wavelength_nm)
     if lamp.radius_m == 0.0:
-        return light_of_point(scene, lamp, x, y, z, wavelength_nm, in_air, time_s) * on_path
+        return light_of_point(scene, (0.0, 0.0), x, y, z, wavelength_nm, in_air, time_s) * on_path
     total = np.zeros(x.shape)
-    for point, share in lamps_of_window(lamp, z, scene.detector):
-        total += share * light_of_point(scene, point, x, y, z, wavelength_nm, in_air, time_s)
+    points = np.array(points_of_window(lamp, z, scene.detector)).T
+    for some in np.array_split(points, math.ceil(points.shape[1] * x.size / _AT_ONCE) or 1, axis=1):
+        u, v, share = some.reshape(3, -1, *[1] * x.ndim)
+        light = light_of_point(scene, (u, v), x, y, z, wavelength_nm, in_air, time_s)
+        total += (share * light).sum(axis=0)
     return total * on_path
 
 
-def lamps_of_window(
+def points_of_window(
     lamp: Lamp, z_m: ArrayLike = math.inf, detector: Detector | None = None
-) -> list[tuple[Lamp, float]]:
-    """The points that stand for the lamp's window, each as a lamp of its own, and the share of each.
+) -> list[tuple[float, float, float]]:
+    """The points that stand for the lamp's window: places in x and y beside its middle, m, and shares.
 
     Parameters
     ----------
@@ -181,17 +186,8 @@ def lamps_of_window(
         One that sees a part of the window only asks for many.
     """
     if lamp.radius_m == 0.0:
-        return [(lamp, 1.0)]
-    x, y, radius = lamp.offset_x_m, lamp.offset_y_m, lamp.radius_m
-    return [
-        (
-            lamp.model_copy(
-                update={"offset_x_m": x + radius * u, "offset_y_m": y + radius * v, "radius_m": 0.0}
-            ),
-            share,
-        )
-        for u, v, share in _points(lamp, z_m, detector)
-    ]
+        return [(0.0, 0.0, 1.0)]
+    return [(lamp.radius_m * u, lamp.radius_m * v, share) for u, v, share in _points(lamp, z_m, detector)]
 
 
 def _points(lamp: Lamp, z_m: ArrayLike, detector: Detector | None) -> list[tuple[float, float, float]]:
@@ -233,7 +229,7 @@ def _rings(count: int) -> list[tuple[float, float, float]]:
 
 def light_of_point(
     scene: Scene,
-    lamp: Lamp,
+    beside_m: tuple[ArrayLike, ArrayLike],
     x: Array,
     y: Array,
     z: Array,
@@ -241,19 +237,20 @@ def light_of_point(
     in_air: Array | None = None,
     time_s: ArrayLike | None = None,
 ) -> Array:
-    """`direct_field` of one point of the window, without effects of your own.
+    """`direct_field` of one point of the window, or of each of several, without effects of your own.
 
     Parameters
     ----------
-    lamp : Lamp
-        The point; receivers that are aimed look at the lamp of the scene.
+    beside_m : two arrays, m
+        The points' places in x and y beside the middle, which receivers that are aimed look at; broadcast
+        against the receivers.
     x, y, z : array, m
         Receivers, all of one shape.
     """
-    ahead = is_ahead(lamp, z)
+    lamp, ahead = scene.lamp, is_ahead(scene.lamp, z)
     if not ahead.all():
         z = np.where(ahead, z, 1.0 + abs(lamp.apparent_distance_m))
-    ray = rays(lamp, x, y, z)
+    ray = rays(lamp, x, y, z, beside_m=beside_m)
     low, high = scene.detector.bands_nm[0]
     tau = optical_depth(scene.water, ray, z, wavelength_nm, 0.5 * (low + high), time_s)
     if in_air is not None:

@@ -44,7 +44,9 @@ class Ray:
     height_m: Array | float = 0.0
 
 
-def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
+def rays(
+    lamp: Lamp, x_m: Array, y_m: Array, z_m: Array, *, beside_m: tuple[ArrayLike, ArrayLike] = (0.0, 0.0)
+) -> Ray:
     """Rays from where the light seems to come from, `source_point`, to points.
 
     Parameters
@@ -53,8 +55,10 @@ def rays(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> Ray:
         Pose.
     x_m, y_m, z_m : array, m
         Points.
+    beside_m : two arrays, m
+        Where they start, in x and y beside the source; broadcast against the points.
     """
-    dx, dy, dz = from_source(lamp, x_m, y_m, z_m)
+    dx, dy, dz = from_source(lamp, x_m - np.asarray(beside_m[0]), y_m - np.asarray(beside_m[1]), z_m)
     r = np.sqrt(dx * dx + dy * dy + dz * dz)
     behind = lamp.apparent_distance_m
     water = beyond_window(r, z_m, behind) if behind else r

@@ -8,7 +8,7 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.formula import own_formulas
-from lightfield.formula.closed_form import lamps_of_window, source
+from lightfield.formula.closed_form import points_of_window, source
 from lightfield.formula.path import optical_depth, rays
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
@@ -42,9 +42,11 @@ def direct_flux(scene: Scene, place_m: Array) -> Array:
     x, y, z = place[:, 0], place[:, 1], np.where(ahead, place[:, 2], beyond)
     scene, middle = own_formulas.lit(scene), float(middles_nm(scene)[0].mean())
     total = np.zeros_like(place)
-    for lamp, share in lamps_of_window(scene.lamp, z):
-        ray = rays(lamp, x, y, z)
-        light = source(lamp, ray, wavelength_nm=middle) * np.exp(-optical_depth(scene.water, ray, z, middle))
+    for u, v, share in points_of_window(scene.lamp, z):
+        ray = rays(scene.lamp, x, y, z, beside_m=(u, v))
+        light = source(scene.lamp, ray, wavelength_nm=middle) * np.exp(
+            -optical_depth(scene.water, ray, z, middle)
+        )
         total += (share * light / ray.r**3)[:, None] * np.stack([ray.dx, ray.dy, ray.dz], axis=1)
     left = own_formulas.factor(scene, ("path",), x, y, z, middle)
     return np.where(ahead[:, None], total * np.reshape(left, (-1, 1)), 0.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.formula.cells import along_a_side, axis_cells, cell_mean
-from lightfield.formula.closed_form import direct_field, lamps_of_window, light_of_point
+from lightfield.formula.closed_form import direct_field, light_of_point, points_of_window
 from lightfield.formula.own_formulas import factor, has_colours_of_its_own, lit
 from lightfield.formula.path import optical_depth, rays
 from lightfield.maps.sharper import at_the_axis, itself, without_cells
@@ -31,20 +31,27 @@ ENOUGH_KNOWN, FEWEST_CELLS = 0.02, 3.5  # relative error of a cell, cells in a h
 _ONE_WAY_M, _MOST_PARTS = 0.03, 1_000_000
 
 
+#: A point of a window in x and y beside its middle, m.
+Place = tuple[float, float]
+
+
 @dataclass(frozen=True)
 class GridFormula:
     """The closed-form model on a grid, for any water: geometry once, attenuation per case.
 
     Parameters
     ----------
-    sources : tuple of (Lamp, callable)
-        Points of the lamp's window, and the light of each at a wavelength in nm, averaged over every part of
-        a cell, in clear water and for unit on-axis intensity of the whole window, m^-2: shape of `finer`.
+    lamp : Lamp
+    sources : tuple of ((x, y), callable)
+        Points of its window, m beside the middle, and the light of each at a wavelength in nm, averaged over
+        every part of a cell, in clear water and for unit on-axis intensity of the whole window, m^-2:
+        shape of `finer`.
     grid, finer : Grid
         The cells, and the equal parts that each has along x and y.
     """
 
-    sources: tuple[tuple[Lamp, Callable[[float], Array]], ...]
+    lamp: Lamp
+    sources: tuple[tuple[Place, Callable[[float], Array]], ...]
     grid: Grid
     finer: Grid
 
@@ -59,14 +66,14 @@ class GridFormula:
         """
         if scene.lamp.profile == "pencil":
             return None
-        scene, sources = lit(scene), list[tuple[Lamp, Callable[[float], Array]]]()
+        scene, sources = lit(scene), list[tuple[Place, Callable[[float], Array]]]()
         finer = _in_parts(grid, scene.lamp)
-        for point, share in lamps_of_window(scene.lamp, grid.z_m, scene.detector):
-            light = partial(_in_clear_water, scene, finer, point, share)
+        for u, v, share in points_of_window(scene.lamp, grid.z_m, scene.detector):
+            light = partial(_in_clear_water, scene, finer, (u, v), share)
             if not has_colours_of_its_own(scene):
                 light = partial(_always, light())
-            sources.append((point, light))
-        return cls(tuple(sources), grid, finer)
+            sources.append(((u, v), light))
+        return cls(scene.lamp, tuple(sources), grid, finer)
 
     def bands(self, scene: Scene) -> Array:
         """Absolute maps of a case, shape (n_bands, n_planes, n_y, n_x), unit of the render's maps."""
@@ -74,7 +81,7 @@ class GridFormula:
         spectrum = over_bands(scene)
         maps = np.zeros((len(spectrum.intensity), *self.finer.shape))
         for point, light in self.sources:
-            ray = rays(point, x, y, z)
+            ray = rays(self.lamp, x, y, z, beside_m=point)
             for total, band, power in zip(maps, *spectrum, strict=True):
                 for w, intensity in zip(band, power, strict=True):
                     left = np.exp(-optical_depth(scene.water, ray, z, w))
@@ -150,7 +157,7 @@ def _in_parts(grid: Grid, lamp: Lamp) -> Grid:
 
 
 def _in_clear_water(
-    scene: Scene, grid: Grid, point: Lamp, share: float, wavelength_nm: float | None = None
+    scene: Scene, grid: Grid, point: Place, share: float, wavelength_nm: float | None = None
 ) -> Array:
     """Unattenuated direct light of a point of the window averaged over every cell, (n_planes, n_y, n_x)."""
     alone = scene.model_copy(update={"water": Water(), OWN_FIELD: ()})

@@ -134,6 +134,16 @@ class TabledPaths(NamedTuple):
         sent = (self.onto @ intensity.astype(np.float32)).reshape(self.shape)
         return LitPaths(sent, self.water_m, self.share)
 
+    def by_table(self, a: float, b: float) -> Array:
+        """Irradiance in water of these, m^-2, for unit intensity at each angle of the table alone.
+
+        Shape (n, n_table).
+        """
+        arrives = b * self.share[:, None, None] * np.exp(-(a + b) * self.water_m)
+        arrives = np.broadcast_to(arrives, self.shape).reshape(len(self.water_m), -1)
+        ends = np.arange(0, arrives.size + 1, arrives.shape[1])
+        return np.asarray((csr_array((arrives.ravel(), np.arange(arrives.size), ends)) @ self.onto).toarray())
+
 
 class LitPaths(NamedTuple):
     """Paths of light that is scattered once, with the light of a lamp.
@@ -231,17 +241,21 @@ def single_paths(
 
 
 @lru_cache(8)
-def _trials(half_width_rad: float) -> list[list[TabledPaths]]:
-    """Paths to places beside a beam of so many times a Gaussian's nodes, at last of `_FINEST`."""
+def _trials(half_width_rad: float) -> list[Array]:
+    """Light beside a beam by so many times a Gaussian's nodes, at last by `_FINEST`.
+
+    Each of shape (n_places, n_table): it is linear in the intensity at the angles of the `EmissionTable`.
+    """
     table = EmissionTable.of(half_width_rad)
-    each: list[list[TabledPaths]] = []
+    each = []
     for times in (*_TIMES, _FINEST):
-        each.append([])
+        parts = []
         for places, _ in _TRIED:
             tangent = math.tan(half_width_rad) * np.array(places)
             fine = Resolution.for_beam(half_width_rad, float(tangent[-1]), times)
             paths = single_paths(_TYPICAL, half_width_rad, tangent, np.ones_like(tangent), 0.0, fine)
-            each[-1].append(TabledPaths.of(table, paths))
+            parts.append(TabledPaths.of(table, paths).by_table(0.0, 1.0))
+        each.append(np.concatenate(parts))
     return each
 
 
@@ -256,15 +270,11 @@ def times_about(half_width_rad: float, intensity: Array) -> int:
         Of the beam, there.
     """
     *tried, finest = _trials(half_width_rad)
-    best, within = _lit(finest, intensity), np.concatenate([np.full(len(at), part) for at, part in _TRIED])
-    for times, paths in zip(_TIMES, tried, strict=True):
-        if np.all(np.abs(_lit(paths, intensity) - best) <= within * best):
+    best, within = finest @ intensity, np.concatenate([np.full(len(at), part) for at, part in _TRIED])
+    for times, light in zip(_TIMES, tried, strict=True):
+        if np.all(np.abs(light @ intensity - best) <= within * best):
             return times
     return _TIMES[-1]
-
-
-def _lit(paths: list[TabledPaths], intensity: Array) -> Array:
-    return np.concatenate([some.lit(intensity).light(0.0, 1.0) for some in paths])
 
 
 def _in_single(*values: Array) -> list[Array]:

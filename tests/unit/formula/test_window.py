@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.formula.closed_form import direct_field
+from lightfield.formula.closed_form import direct_field, points_of_window
 from lightfield.scene import Scene
 
 
@@ -56,3 +56,22 @@ def test_a_collimator_sees_the_part_of_a_window_in_its_cone(z_m: float, radius_m
     expected = (light * 2 * s).sum() * (seen / 4000) / radius_m**2 / (2 * np.pi * (1 - np.cos(half)))
     found = direct_field(scene, *(np.array([v]) for v in (0.0, 0.0, z_m)))[0]
     assert found == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("radius_m", [0.02, 0.3])
+def test_points_of_a_window_at_once_are_lamps_beside_each_other(radius_m: float) -> None:
+    """Each with its own way through layers."""
+    lamp = {"tilt_x_deg": 3.0, "offset_x_m": 0.1, "offset_y_m": -0.2, "apparent_distance_m": 0.5}
+    water = {"height_gradient_per_m2": 0.05, "gradient_per_m2": 0.01}
+    rest = {"water": water, "detector": {"tilt_x_deg": 5.0}}
+    scene = Scene.from_dict({"lamp": {**lamp, "radius_m": radius_m}, **rest})
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(-0.5, 0.5, (2, 3, 50))
+    z = rng.uniform(1.0, 8.0, x.shape)
+    in_air = rng.random(x.shape) < 0.3
+    points, light = points_of_window(scene.lamp, z), np.zeros(x.shape)
+    assert len(points) >= 7
+    for u, v, share in points:
+        moved = {"offset_x_m": lamp["offset_x_m"] + u, "offset_y_m": lamp["offset_y_m"] + v}
+        light += share * direct_field(Scene.from_dict({"lamp": lamp | moved, **rest}), x, y, z, medium=in_air)
+    assert direct_field(scene, x, y, z, medium=in_air) == pytest.approx(light, rel=1e-12)

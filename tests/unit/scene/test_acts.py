@@ -15,7 +15,7 @@ from perturbed import FIELDS, changed, scenes_of_every_field
 
 from lightfield.fitting.diffuse_light import has_diffuse_light
 from lightfield.fitting.forward import SceneForward
-from lightfield.formula.closed_form import lamps_of_window, receiver, source
+from lightfield.formula.closed_form import points_of_window, receiver, source
 from lightfield.formula.path import Ray, optical_depth, rays
 from lightfield.formula.readout import Halves, Taken, readout, time_factor
 from lightfield.readings import Readings
@@ -38,6 +38,7 @@ from lightfield.scene.all_parameters import (
 )
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.colour import wider_in_colour
+from lightfield.scene.lamp.frame import source_point
 from lightfield.scene.lamp.section import effective_angles
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.parameters import Part, acts_of
@@ -76,10 +77,7 @@ def _beam(scene: Scene) -> Any:
 
 
 def _source(scene: Scene) -> Any:
-    return [
-        (lamp.offset_x_m, lamp.offset_y_m, lamp.apparent_distance_m)
-        for lamp, _ in lamps_of_window(scene.lamp)
-    ]
+    return np.array([(*source_point(scene.lamp), *point) for point in points_of_window(scene.lamp)])
 
 
 def _air(scene: Scene) -> Any:
