@@ -69,7 +69,7 @@ class NewTank:
     rows: int
 
     def save(self, folder: Path) -> dict[str, Path]:
-        """Write all files, none over another.
+        """Write all files, none over one that says something else.
 
         Returns
         -------
@@ -79,11 +79,12 @@ class NewTank:
         Raises
         ------
         OutputError
-            One of them is there already.
+            One of them is there already and says something else.
         """
         texts = {SCENE: self.scene_text, LAYOUT: self.layout_text, READINGS: self.table_text}
         targets = {name: folder / name for name in texts}
-        if there := [str(path) for path in targets.values() if path.exists()]:
+        # What is there as it would be written, of a start that was cut short, is no loss.
+        if there := [str(at) for name, at in targets.items() if not _says(at, texts[name])]:
             raise OutputError(
                 "files of an experiment are here already",
                 where=str(folder),
@@ -94,6 +95,11 @@ class NewTank:
         for name, text in texts.items():
             write_text(targets[name], text)
         return targets
+
+
+def _says(path: Path, text: str) -> bool:
+    """Would the file lose nothing, because it is not there or says just this?"""
+    return not path.exists() or (path.is_file() and path.read_bytes() == text.encode())
 
 
 def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:

@@ -178,6 +178,8 @@ def write_layers_exr(
     layers: Mapping[str, ArrayLike],
     attributes: Mapping[str, Attribute],
     preview: ArrayLike,
+    x_m: NDArray[np.float64],
+    y_m: NDArray[np.float64],
 ) -> Path:
     """Maps beside each other in one image, whole or not at all.
 
@@ -190,6 +192,8 @@ def write_layers_exr(
         Our own attributes, name without prefix to text or number.
     preview : array, shape (n_y, n_x, 3)
         Linear sRGB that viewers show first.
+    x_m, y_m : arrays, shapes (n_x,) and (n_y,), m
+        Centres of the pixels; one of a side does not tell how wide it is, and then none is told.
 
     Raises
     ------
@@ -200,6 +204,8 @@ def write_layers_exr(
         "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
         "chromaticities": CHROMATICITIES, OURS + "orientation": ORIENTATION, **_ours(attributes),
     }  # fmt: skip
+    if min(x_m.size, y_m.size) > 1:
+        header |= _places(x_m, y_m, (1.0, 1.0))
     seen = np.asarray(preview)
     channels = {name: _to_file(seen[..., index]) for index, name in enumerate("RGB")}
     channels |= {name: _to_file(layer) for name, layer in layers.items()}
@@ -219,26 +225,33 @@ def _written(header: Mapping[str, object], channels: Mapping[str, NDArray[np.flo
 
 
 def _header(image: SpectralImage) -> dict[str, object]:
-    size = [
-        _spacing(centres, whole) for centres, whole in zip((image.x_m, image.y_m), image.plane_m, strict=True)
-    ]
     header: dict[str, object] = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "chromaticities": CHROMATICITIES,
-        "pixelAspectRatio": size[0] / size[1] if min(size) > 0 else 1.0,
         "spectralLayoutVersion": LAYOUT_VERSION,
         "emissiveUnits": image.units,
         OURS + "plane_z_m": np.array([image.z_m]),
-        OURS + "pixel_size_m": np.array(size),
-        OURS + "first_pixel_m": np.array([image.x_m[0], image.y_m[-1]]),
         OURS + "orientation": ORIENTATION,
+        **_places(image.x_m, image.y_m, image.plane_m),
     }
     if image.common_scale:
         header[OURS + "common_scale"] = np.array([image.common_scale])
     for wavelength, (nodes, response) in image.response.items():
         header[channel_name(wavelength)] = response_text(nodes, response)
     return {**header, **_ours(image.attributes)}
+
+
+def _places(
+    x_m: NDArray[np.float64], y_m: NDArray[np.float64], plane_m: tuple[float, float]
+) -> dict[str, object]:
+    """Where pixels lie and how large they are; of a single row or column the plane tells."""
+    size = [_spacing(centres, whole) for centres, whole in zip((x_m, y_m), plane_m, strict=True)]
+    return {
+        "pixelAspectRatio": size[0] / size[1] if min(size) > 0 else 1.0,
+        OURS + "pixel_size_m": np.array(size),
+        OURS + "first_pixel_m": np.array([x_m[0], y_m[-1]]),
+    }
 
 
 def _ours(attributes: Mapping[str, Attribute]) -> dict[str, object]:

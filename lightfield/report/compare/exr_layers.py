@@ -34,5 +34,6 @@ def write_layers(comparison: Comparison, folder: Path) -> list[Path]:
             "quantity": comparison.quantity, "units": comparison.units, "plane_z_m": float(z_m),
             "layers": "render, stderr, formula in units; error = formula / render - 1",
         }  # fmt: skip
-        written.append(write_layers_exr(folder / name, layers, about, preview))
+        x_m, y_m = planes[0].x_m, planes[0].y_m
+        written.append(write_layers_exr(folder / name, layers, about, preview, x_m, y_m))
     return written

@@ -124,6 +124,17 @@ def test_nothing_is_overwritten(tmp_path: Path) -> None:
     assert (tmp_path / "readings.csv").read_text() == "mine" and not (tmp_path / "scene.toml").exists()
 
 
+def test_a_start_that_was_cut_short_is_taken_up_again(tmp_path: Path) -> None:
+    """On a disk that was full the scene was written and no table was."""
+    made = new_tank({})
+    files = made.save(tmp_path)
+    files["readings.csv"].unlink()
+    assert made.save(tmp_path) == files and files["readings.csv"].read_text() == made.table_text
+    files["readings.csv"].write_text(made.table_text.replace("\n", ",1\n"))
+    with pytest.raises(OutputError, match=r"readings\.csv"):
+        made.save(tmp_path)
+
+
 @given(
     st.floats(0.1, 50), st.floats(0.05, 20), st.floats(0.2, 200), st.sampled_from(["1", "5", "11"])
 )  # fmt: skip

@@ -244,6 +244,10 @@ def test_layers_of_a_comparison_are_what_was_compared(tmp_path, make, light):
     error = found[f"formula.{nm}"] / found[f"render.{nm}"] - 1
     np.testing.assert_allclose(found[f"error.{nm}"], error, atol=1e-6)
     assert header["lightfield.plane_z_m"][0] == plane.z_m and header["lightfield.units"] == comparison.units
+    size = plane.x_m[1] - plane.x_m[0], plane.y_m[1] - plane.y_m[0]
+    assert header["lightfield.pixel_size_m"] == pytest.approx(size)
+    assert header["lightfield.first_pixel_m"] == pytest.approx([plane.x_m[0], plane.y_m[-1]])
+    assert header["pixelAspectRatio"] == pytest.approx(size[0] / size[1])
 
 
 def test_a_picture_is_exposed_and_says_how(tmp_path):
