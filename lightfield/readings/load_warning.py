@@ -52,6 +52,7 @@ class Remarks(str, Enum):
     COMMON_FLICKER = "common_flicker"
     RESTLESS = "restless"
     UNDIVIDED = "undivided"
+    COPIED = "copied"
 
 
 @dataclass(frozen=True)
@@ -256,6 +257,10 @@ _WORDS: dict[Remarks, tuple[_Words, _Words]] = {
     Remarks.DARK_IN_PROGRAM: (
         "the program held a dark spectrum: it may have been subtracted already",
         "make sure that the files hold raw counts (scope mode without dark subtraction)",
+    ),
+    Remarks.COPIED: (
+        "one and the same spectrum, noise and all, stands for several places: {files}",
+        "correct the index, or leave out what was copied",
     ),
     Remarks.FLAT_TOP: (_flat_top, "shorten the exposure; state the full scale"),
     Remarks.NONLINEARITY: (_nonlinearity, "switch it on, or expect detector.saturation to be suspected"),

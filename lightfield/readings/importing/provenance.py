@@ -114,6 +114,7 @@ def doubts_of_files(
     ignored = tuple(dict.fromkeys(name for s in shots for name in s.spectrum.ignored))
     if ignored:
         found.append(LoadWarning(Remarks.IGNORED_COLUMNS, {"columns": ignored}))
+    found += [LoadWarning(Remarks.COPIED, {"files": files}) for files in _copied(sequence)]
     odd: dict[Oddity, list[str]] = {}
     for shot in shots:
         for note in shot.spectrum.notes:
@@ -123,6 +124,24 @@ def doubts_of_files(
         for note, files in odd.items()
     ]
     return found
+
+
+#: Spectra of so many pixels are never the same by chance; of a few bands they may be.
+_PIXELS = 16
+
+
+def _copied(sequence: Sequence[Shot]) -> list[tuple[str, ...]]:
+    """Files of one and the same spectrum, to the last digit of its noise, that are of several places."""
+    alike: dict[bytes, list[Shot]] = {}
+    for shot in sequence:
+        raw = shot.spectrum.raw
+        if len(raw) >= _PIXELS and np.nanmin(raw) < np.nanmax(raw):
+            alike.setdefault(raw.tobytes(), []).append(shot)
+    return [
+        tuple(s.entry.called for s in shots)
+        for shots in alike.values()
+        if len({(e.medium, e.x_m, e.y_m, e.z_m) for e in (s.entry for s in shots)}) > 1
+    ]
 
 
 def _lit_darks(sequence: Sequence[Shot], darks: Sequence[Shot]) -> list[LoadWarning]:

@@ -34,6 +34,7 @@ VALUES: dict[Remarks, dict[str, Remarked]] = {
     Remarks.SINGLE_SPECTRA: {"single": (1, 2, 3), "equal": (9,)},
     Remarks.COMMON_FLICKER: {"percent": 0.17},
     Remarks.RESTLESS: {"readings": (4, 17)},
+    Remarks.COPIED: {"files": ("a.txt", "copy_of_a.txt")},
     Remarks.UNDIVIDED: {"shortest_s": 0.1, "longest_s": 0.4},
 }
 RECORD = TypeAdapter(LoadWarning)

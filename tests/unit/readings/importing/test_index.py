@@ -315,3 +315,16 @@ def test_columns_of_an_index_that_mean_nothing_are_named(campaign):
     readings = run(campaign, ["a.txt,4.5,0.1,signal", "dark_a.txt,,,dark"], "file,z_m,pos_x_m,role")
     (told,) = (w for w in readings.warnings if w.code == "unknown_columns")
     assert "pos_x_m" in told.sentence and "x_m" in told.remedy
+
+
+def test_one_spectrum_that_stands_for_two_places_is_remarked(campaign):
+    lines = ["a.txt,4.5,0,signal", "b.txt,5.5,0,signal", "dark_a.txt,,,dark", "dark_b.txt,,,dark"]
+    before = run(campaign, lines, "file,z_m,x_m,role").warnings
+    assert not [w for w in before if w.code == "copied"]
+    (campaign / "copy.txt").write_bytes((campaign / "a.txt").read_bytes())
+    readings = run(campaign, [*lines, "copy.txt,6.5,0,signal"], "file,z_m,x_m,role")
+    (told,) = (w for w in readings.warnings if w.code == "copied")
+    assert told.values["files"] == ("a.txt", "copy.txt")
+    # Beside the first, at its place, it is a repeat.
+    readings = run(campaign, [*lines, "copy.txt,4.5,0,signal"], "file,z_m,x_m,role")
+    assert not [w for w in readings.warnings if w.code == "copied"]
