@@ -24,6 +24,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 
+from lightfield.arrays import Array
 from lightfield.errors import OutputError
 from lightfield.maps.colour import CHROMATICITIES, linear_rgb
 from lightfield.storage.files import MAKE_ROOM, atomic_path
@@ -178,8 +179,8 @@ def write_layers_exr(
     layers: Mapping[str, ArrayLike],
     attributes: Mapping[str, Attribute],
     preview: ArrayLike,
-    x_m: NDArray[np.float64],
-    y_m: NDArray[np.float64],
+    x_m: Array,
+    y_m: Array,
 ) -> Path:
     """Maps beside each other in one image, whole or not at all.
 
@@ -242,9 +243,7 @@ def _header(image: SpectralImage) -> dict[str, object]:
     return {**header, **_ours(image.attributes)}
 
 
-def _places(
-    x_m: NDArray[np.float64], y_m: NDArray[np.float64], plane_m: tuple[float, float]
-) -> dict[str, object]:
+def _places(x_m: Array, y_m: Array, plane_m: tuple[float, float]) -> dict[str, object]:
     """Where pixels lie and how large they are; of a single row or column the plane tells."""
     size = [_spacing(centres, whole) for centres, whole in zip((x_m, y_m), plane_m, strict=True)]
     return {
@@ -307,7 +306,7 @@ def _check(path: str | os.PathLike[str], image: SpectralImage) -> None:
         )
 
 
-def _spacing(centres: NDArray[np.float64], whole: float) -> float:
+def _spacing(centres: Array, whole: float) -> float:
     return float((centres[-1] - centres[0]) / (centres.size - 1)) if centres.size > 1 else whole
 
 

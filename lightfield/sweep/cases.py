@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 
 from lightfield.scene import Scene
-from lightfield.sweep.axes import Axis, apply
+from lightfield.scene.acts import Acts
+from lightfield.scene.all_parameters import PARTS, acts_on, chosen_by
+from lightfield.sweep.axes import COMPOUND, Axis, apply
+
+#: Maps are of time 0, in water, by a detector that stands still, before anything is read out.
+UNSEEN = Acts.TIME | Acts.AIR | Acts.AGEING | Acts.MOTION | Acts.READOUT
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,10 @@ class Cases:
     def count(self) -> int:
         """Number of cases."""
         return int(np.prod(self.shape))
+
+    def acts(self, path: str) -> Acts:
+        """What a path of an axis acts on."""
+        return Acts.ABSORPTION | Acts.SCATTERING if path in COMPOUND else acts_on(path, self.scene.effect)
 
     def values(self, number: int) -> dict[str, Any]:
         """What case `number` sets, by path."""
@@ -68,3 +77,25 @@ class Cases:
             for axis, n in zip(self.axes, steps, strict=True)
             for path, value in axis.at(n).items()
         }
+
+
+def idle(cases: Cases) -> list[str]:
+    """Which paths do nothing in any case of a sweep, each with why, for people."""
+    told = []
+    for path in (path for axis in cases.axes for path in axis.values if path not in COMPOUND):
+        part, _, name = path.partition(".")
+        if part not in PARTS:
+            continue
+        if not cases.acts(path) & ~UNSEEN:
+            told.append(f"{path} changes no map: maps are of time 0, in water, and before any readout")
+        elif name in (chosen := chosen_by(PARTS[part])):
+            choice, uses = chosen[name]
+            if not set(_taken(cases, f"{part}.{choice}")) & set(uses):
+                told.append(f"{path} changes no map: it counts where {part}.{choice} is {' or '.join(uses)}")
+    return told
+
+
+def _taken(cases: Cases, path: str) -> list[str]:
+    """What a choice is in the cases."""
+    varied = [value for axis in cases.axes for value in axis.values.get(path, ())]
+    return [value for value in varied or [cases.scene.get(path)] if isinstance(value, str)]

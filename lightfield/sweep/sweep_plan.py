@@ -21,10 +21,10 @@ from lightfield.render.response.response_cache import digest_of
 from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
-from lightfield.scene.all_parameters import acts_on, only
+from lightfield.scene.all_parameters import only
 from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
-from lightfield.sweep.axes import COMPOUND, Axis, apply, checked_axes
+from lightfield.sweep.axes import Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.sharing import Trace, common_reference, served_together
 
@@ -32,7 +32,6 @@ BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose
 BLOCK_CASES = 256
 MOST_CASES = 2_000_000
 _SEEDS = 4_000_000  # more than there can be traces; the tracer's seed * 1009 + batch stays below 2**32
-_COMPOUND_ACTS = Acts.ABSORPTION | Acts.SCATTERING
 
 Changes = tuple[tuple[str, Any], ...]  # values by path
 
@@ -187,12 +186,7 @@ def plan_of_single_cases(scene: Scene, axes: list[Axis], settings: SweepSettings
 
 def _axes_on(cases: Cases, what: Acts) -> list[int]:
     """Axes that set something which acts on any of these stages."""
-    return [i for i, axis in enumerate(cases.axes) if any(_acts(cases, path) & what for path in axis.values)]
-
-
-def _acts(cases: Cases, path: str) -> Acts:
-    """What a path of an axis acts on."""
-    return _COMPOUND_ACTS if path in COMPOUND else acts_on(path, cases.scene.effect)
+    return [i for i, axis in enumerate(cases.axes) if any(cases.acts(path) & what for path in axis.values)]
 
 
 def _grids(cases: Cases, axes: Sequence[int]) -> list[Grid]:
@@ -225,7 +219,7 @@ def _transport(cases: Cases) -> dict[int, list[Changes]]:
 
 def _told(cases: Cases, axis: Axis) -> list[Changes]:
     """In what a trace of every step differs from one of the scene as it is."""
-    values = {path: v for path, v in axis.values.items() if _acts(cases, path) & (TRACED | Acts.PLACES)}
+    values = {path: v for path, v in axis.values.items() if cases.acts(path) & (TRACED | Acts.PLACES)}
     if all(isinstance(v, int | float) and not isinstance(v, bool) for vs in values.values() for v in vs):
         now = {path: cases.scene.get(path) for path in values}
         return [
