@@ -60,15 +60,17 @@ class SmoothField:
         return self.direct(np.sqrt(rho2_m2), z_m) * np.exp(self._spline.ev(z_m, u2))
 
     def half_radius(self, z_m: float) -> float:
-        """Radius at which half of the light on the axis is left, m; NaN beyond the last one."""
+        """Radius at which half of the brightest light on the plane is left, m; NaN beyond the last one."""
         there = np.linspace(0, RADII[-1], _SCAN) ** 2
         at = np.full(len(there), z_m)
         log = np.log(np.maximum(self.at(there * (self.width(at) * z_m) ** 2, at), DARK))
-        below = np.flatnonzero(log < log[0] - np.log(2))
+        brightest = int(log.argmax())
+        fall = log[brightest] - log[brightest:]
+        below = np.flatnonzero(fall > np.log(2))
         if not below.size:
             return float("nan")
         k = int(below[0])
-        u2 = np.interp(np.log(2), log[0] - log[k - 1 : k + 1], there[k - 1 : k + 1])
+        u2 = np.interp(np.log(2), fall[k - 1 : k + 1], there[brightest:][k - 1 : k + 1])
         return float(np.sqrt(u2) * self.width(at[:1])[0] * z_m)
 
 

@@ -253,10 +253,11 @@ def _field(
 def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:
     """Standard error of the radius of half intensity: the light's at the nearest radius over its slope."""
     modes = light.relative_modes.reshape(len(z), len(RADII), -1)
+    brightest = light.total.reshape(len(z), -1).argmax(axis=1)
     found, half = np.full(len(z), np.nan), np.array([field.half_radius(at) for at in z])
     for k in np.flatnonzero(np.isfinite(half)):
         nearest = int(np.argmin(np.abs(RADII * field.width(z)[k] * z[k] - half[k])))
-        error = float(np.linalg.norm(modes[k, nearest] - modes[k, 0]))
+        error = float(np.linalg.norm(modes[k, nearest] - modes[k, brightest[k]]))
         r = half[k] + np.array([-_STEP_M, _STEP_M])
         low, high = np.log(np.maximum(field.at(r**2, np.full(2, z[k])), DARK))
         found[k] = error * 2 * _STEP_M / abs(high - low)

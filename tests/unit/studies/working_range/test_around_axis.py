@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -41,6 +42,24 @@ def test_the_spot_is_told_as_far_as_the_tank_has_room_for_it(offset_m: float) ->
     assert float(told.z_m[-1]) > 5.5 and len(told) > 0.8 * len(spot)
     for z in (1.0, 2.0, 3.5, 5.0):
         assert float(spot.sel(z_m=z)) == pytest.approx(expected(z), rel=1e-3)
+
+
+def test_the_spot_of_a_ring_ends_at_half_of_its_brightest_part(tmp_path: Path) -> None:
+    """As that of `sweep` and `diagnose` does; half of what is on its axis lies 23 % farther out."""
+    angle = np.linspace(0.0, 20.0, 401)
+    beam = np.exp(-(((angle - 4.0) / 3.0) ** 2)) + np.exp(-(((angle + 4.0) / 3.0) ** 2))
+    (tmp_path / "ring.csv").write_text(
+        "angle_deg,intensity\n" + "".join(f"{a:.4f},{i:.8f}\n" for a, i in zip(angle, beam, strict=True))
+    )
+    lamp = {"profile": "table", "intensity_table": str(tmp_path / "ring.csv")}
+    scene = Scene.from_dict({"lamp": lamp, "detector": {"planes_m": [1.0, 3.0]}})
+    tangent = np.linspace(0.0, np.tan(np.radians(15.0)), 200_001)
+    light = np.interp(np.degrees(np.arctan(tangent)), angle, beam) * np.cos(np.arctan(tangent)) ** 3
+    half = tangent[np.flatnonzero(light >= 0.5 * light.max())[-1]]
+    spot = working_range(scene, None).dataset.half_radius_m
+    for z in (1.0, 3.0):
+        assert float(spot.sel(z_m=z)) == pytest.approx(z * half, rel=2e-3)
+    assert tangent[np.flatnonzero(light >= 0.5 * light[0])[-1]] > 1.1 * half
 
 
 @pytest.mark.slow
