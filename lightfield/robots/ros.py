@@ -75,17 +75,18 @@ class Bridge:
         Parameters
         ----------
         readings : array, shape (n_elements,)
+            NaN of an element that was not read.
 
         Raises
         ------
         UsageError
-            Not one finite reading per element.
+            Not one number per element, or none was read.
         """
         values, count = np.asarray(readings, float), len(self.estimator.model.elements)
-        if values.shape != (count,) or not np.isfinite(values).all():
+        if values.shape != (count,) or np.isinf(values).any() or np.isnan(values).all():
             raise UsageError(
-                "not the readings of this array", found=f"{values.size} numbers",
-                rule=f"{count} finite numbers, one per element",
+                "not the readings of this array", found=f"{np.isfinite(values).sum()} finite numbers",
+                rule=f"{count} finite numbers, one per element, nan of an element that was not read",
             )  # fmt: skip
         estimate = self.estimator.estimate(values / self.gain, self._last)
         self._last = estimate.pose if estimate.fits else None

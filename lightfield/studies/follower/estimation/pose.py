@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2 as chi2_distribution
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.elements import elements_of
+from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.estimation.posterior import Reading
 from lightfield.studies.follower.frames import AXES, POSE, UNKNOWN_VARIANCE, in_degrees, in_frame, pose_of
 from lightfield.studies.follower.information import Bound, bound_pair, is_told, nuisances_of
@@ -212,6 +212,7 @@ class Estimator:
         Parameters
         ----------
         readings : array, shape (n_elements,), 1/m^2
+            NaN of an element that was not read: it tells nothing.
         last : array, shape (6,), optional
             A pose to start from besides; of poses that explain the reading equally well the nearest to it is
             taken.
@@ -219,8 +220,11 @@ class Estimator:
             Random starts beside.
         """
         readings = np.asarray(readings, float)
+        read = np.isfinite(readings)
+        if not read.all() and read.any():
+            return self._of(read).estimate(readings[read], last, more_starts=more_starts, seed=seed)
         dark = np.sqrt(self.noise.variance(np.zeros_like(readings)))
-        if readings.max() <= LOST_SIGMA * max(float(dark.max()), np.finfo(float).tiny):
+        if not readings.max() > LOST_SIGMA * max(float(dark.max()), np.finfo(float).tiny):
             return PoseEstimate(np.full(len(POSE), np.nan), np.nan, np.nan, 0.0, None, None, lost=True)
         free = max(len(readings) - len(self.names), 1)
         begin = [self.starts()]
@@ -246,6 +250,12 @@ class Estimator:
             rivals,
             edge=self._at_edge(pose),
         )
+
+    def _of(self, read: Mask) -> Estimator:
+        """By some of the elements alone."""
+        elements = self.model.elements
+        some = Elements(elements.place_m[read], elements.normal[read])
+        return replace(self, model=replace(self.model, elements=some))
 
     def _with_all_left_open(
         self, total: Bound, sigma: float, rivals: Sequence[RivalPose], readings: Array

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any
@@ -95,6 +96,8 @@ class Poses:
         With the filter.
     traced : bool
         Light that was believed in: traced, or the formula.
+    silent : tuple of str
+        Columns that are zero in every line, and without which a reading fits that does not with them.
     """
 
     scene: Scene
@@ -103,6 +106,7 @@ class Poses:
     estimates: list[PoseEstimate]
     tracked: list[Tracked] | None
     traced: bool
+    silent: tuple[str, ...] = ()
 
     @property
     def last_known(self) -> str:
@@ -130,6 +134,17 @@ class Poses:
     @property
     def ambiguous(self) -> int:
         return sum(one.ambiguous for one in self.estimates)
+
+    @property
+    def dead(self) -> str:
+        """What is to be done about elements that look dead, as a sentence; nothing where none does."""
+        if not self.silent:
+            return ""
+        are = "is" if len(self.silent) == 1 else "are"
+        return (
+            f"{', '.join(self.silent)} {are} 0 throughout, and without it readings fit that do not with it: "
+            "leave the cells of a dead element empty"
+        )
 
     @property
     def losses(self) -> list[Loss]:
@@ -177,7 +192,8 @@ class Poses:
                 }
             found.append(row)
         light = "traced field" if self.traced else "formula"
-        return {"light": light, "losses": [asdict(one) for one in self.losses], "samples": found}
+        losses = [asdict(one) for one in self.losses]
+        return {"light": light, "losses": losses, "silent": list(self.silent), "samples": found}
 
     def as_text(self) -> str:
         """One line per sample, and what did not go well."""
@@ -193,6 +209,7 @@ class Poses:
                 f"{pitch:.2f} deg"
             )
         lines += [str(one) for one in self.losses]
+        lines += [self.dead] if self.silent else []
         lines.append(
             f"{len(self.estimates)} samples, {self.lost} without light, {self.misfits} that do not fit, "
             f"{self.ambiguous} ambiguous"
@@ -246,14 +263,29 @@ def poses_of(
             found = estimator.estimate(one, last, more_starts=RIVAL_STARTS, seed=seed)
             last = None if found.lost else found.pose
             estimates.append(found)
-    return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons))
+    silent = _silent(readings, estimator, estimates)
+    return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons), silent)
+
+
+def _silent(readings: Array, estimator: Estimator, estimates: Sequence[PoseEstimate]) -> tuple[str, ...]:
+    """Elements that read nothing in any sample, and without which the first fits that does not fit."""
+    zero = (readings == 0).all(axis=0)
+    wrong = next((k for k, one in enumerate(estimates) if not one.lost and not one.fits), None)
+    if wrong is None or not zero.any():
+        return ()
+    if not estimator.estimate(np.where(zero, np.nan, readings[wrong])).fits:
+        return ()
+    return tuple(f"e{k + 1}" for k in np.flatnonzero(zero))
 
 
 def _refuse_another_unit(readings: Array, estimator: Estimator, where: str) -> None:
     """Refuse readings far brighter than any in the space, which no pose explains."""
     nearest = np.zeros((1, len(POSE)))
     nearest[0, 2] = estimator.space.near_m
-    most, brightest = float(np.median(readings.max(axis=1))), float(estimator.model.readings(nearest).max())
+    most, brightest = (
+        float(np.median(np.nanmax(readings, axis=1))),
+        float(estimator.model.readings(nearest).max()),
+    )
     if most > _FAR_BRIGHTER * brightest:
         raise MeasurementError(
             "the readings are far brighter than the array's could be anywhere in its space",

@@ -26,6 +26,7 @@ class Samples:
     ----------
     time_s : array, shape (n,), s
     readings : array, shape (n, n_elements)
+        NaN of an element that was not read.
     """
 
     time_s: Array
@@ -34,6 +35,8 @@ class Samples:
 
 def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) -> Samples:
     """Read a table with the columns e1, e2, ... in the order of the array's elements, and time_s if known.
+
+    Cells of elements that were not read, as of a dead one, are empty or say nan.
 
     Parameters
     ----------
@@ -77,11 +80,13 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
     values: list[list[float]] = []
     for number, cells in rows:
         try:
-            row = [float(cells[k].replace(",", ".")) for k in columns]
+            row = [float(cells[k].strip().replace(",", ".") or "nan") for k in columns]
         except (ValueError, IndexError):
             problems.append(Complaint(f"not {len(columns)} numbers", lines=(number,)))
             continue
-        if not np.isfinite(row).all() or max(map(abs, row)) > LARGEST:
+        if np.isnan(row[-elements:]).all():
+            problems.append(Complaint("no element was read", lines=(number,)))
+        elif not np.nanmax(np.abs(row)) <= LARGEST or (timed and np.isnan(row[0])):
             problems.append(Complaint("not finite, or too large", lines=(number,)))
         elif timed and values and row[0] <= values[-1][0]:
             wrong = f"{TIME} must rise above {values[-1][0]:g}"
@@ -92,7 +97,7 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
     if problems:
         raise MeasurementError(
             f"{len(problems)} bad line(s)", where=where, rule=f"finite numbers, {TIME} rising",
-            remedy="correct the table", problems=problems,
+            remedy="correct the table; leave the cells of a dead element empty", problems=problems,
         )  # fmt: skip
     found = np.array(values)
     if timed:

@@ -303,6 +303,35 @@ def test_a_table_of_readings(tmp_path: Path) -> None:
     )
 
 
+def test_an_element_that_was_not_read_tells_nothing() -> None:
+    """The pose and its errors are those of the array without it."""
+    read = np.arange(25) != 7
+    readings = noisy(POSE_0, np.random.default_rng(7))
+    fewer = Elements(HEMISPHERE.place_m[read], HEMISPHERE.normal[read])
+    expected = estimator(fewer).estimate(readings[read])
+    found = estimator().estimate(np.where(read, readings, np.nan))
+    np.testing.assert_array_equal(found.pose, expected.pose)
+    assert found.total is not None and expected.total is not None
+    np.testing.assert_array_equal(found.total.covariance, expected.total.covariance)
+
+
+def test_dead_elements_are_left_empty_and_those_that_are_not_are_named(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    readings = np.array([noisy(way(t), rng) for t in (0.0, 0.1)])
+    path = written(tmp_path / "way.csv", np.where(np.arange(25) == 7, 0.0, readings))
+    wrong = poses_of(path, SCENE, SPACE, photons=0)
+    assert wrong.silent == ("e8",) and "leave the cells of a dead element empty" in wrong.as_text()
+    lines = path.read_text().splitlines()
+    at = lines[0].split(",").index("e8")
+    emptied = [
+        ",".join("" if k == at else cell for k, cell in enumerate(one.split(","))) for one in lines[1:]
+    ]
+    path.write_text("\n".join([lines[0], *emptied]) + "\n")
+    found = poses_of(path, SCENE, SPACE, photons=0)
+    assert found.silent == () and all(one.fits for one in found.estimates)
+    assert np.linalg.norm(found.estimates[0].pose[:3] - way(0.0)[:3]) < 0.5
+
+
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_a_table_with_decimal_commas(tmp_path: Path, separator: str) -> None:
     """As spreadsheets of half the world write it, with the mark of UTF-8 before it."""
@@ -319,7 +348,9 @@ def test_a_table_with_decimal_commas(tmp_path: Path, separator: str) -> None:
         ("time_s,e1\n0,1\n", "column e2 is missing"),
         ("e1,e2,e2\n1,2,3\n", "twice"),
         ("e1,e2\n", "no line with readings"),
-        ("e1,e2\n1,nan\n", "line 2"),
+        ("e1,e2\n1,inf\n", "line 2"),
+        ("e1,e2\n,nan\n", "no element was read"),
+        ("time_s,e1,e2\n,1,1\n", "line 2"),
         ("e1,e2\n1\n", "line 2"),
         ("time_s,e1,e2\n1,1,1\n1,1,1\n", "must rise"),
         ("time_ms,e1,e2\n1,1,1\n", "column time_ms is not"),
