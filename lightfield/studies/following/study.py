@@ -120,8 +120,13 @@ class Followed:
             reached = found["contact_time"].runs
             if docked:
                 return f"{believes} docks in {docked} of {count} runs"
-            how = "misses the dock" if reached else "never comes to the dock"
-            return f"{believes} {how}"
+            if reached:
+                return f"{believes} misses the dock"
+            ends = float(np.linalg.norm(self.track.pose[-1, :, :3], axis=-1).mean())
+            return (
+                f"{believes} never comes to the dock: after {mission.duration_s:g} s it is {ends:.1f} m "
+                "from the lamp"
+            )
         if not found["belief_less_truth"].runs:
             return f"{believes} never learns where it is: no reading of the array tells its whole pose"
         z = found["standoff_at_end" if mission.turbid_factor != 1 or mission.dark_for_s else "standoff"]
