@@ -199,7 +199,9 @@ class BeamTallies:
         ]
 
 
+@lru_cache(1)
 def _lamp_with(beam: Beam) -> Lamp:
+    """A lamp of this beam, which is asked for at plane after plane."""
     return Lamp.model_construct(**dict(zip(BEAM_FIELDS, beam, strict=True)))
 
 
