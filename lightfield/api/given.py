@@ -84,6 +84,8 @@ def _broken(name: str, annotation: object, value: object) -> str | None:
     if len(kinds) > 1:
         return None
     (kind,) = kinds
+    if kind is Readings:
+        return None if isinstance(value, Readings) else "readings as `load` gives them"
     origin, inside = get_origin(kind), get_args(kind)
     if kind in (float, int):
         words, holds = RANGES.get(name, ("", lambda value: True))
@@ -209,6 +211,7 @@ def load(path: AnyPath, scene: Scene | AnyPath | None = None) -> Readings:
     return read_table(fspath(path), None if scene is None else scene_of(scene))
 
 
+@checked
 def save(readings: Readings, path: AnyPath) -> Path:
     """Write a table of readings (CSV with a TOML head), whole or not at all; `load` reads it back.
 

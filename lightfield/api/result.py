@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+from lightfield.errors import UsageError
 from lightfield.storage.files import write_text
 
 if TYPE_CHECKING:
@@ -107,9 +108,14 @@ class Result(ABC, Generic[Details]):
 
         Raises
         ------
-        OutputError
-            The file cannot be written.
+        UsageError, OutputError
+            It is no path; the file cannot be written.
         """
+        if not isinstance(path, (str, PathLike)):
+            raise UsageError(
+                "not what this argument takes", where="path", found=type(path).__name__,
+                rule="the path of a file",
+            )  # fmt: skip
         return write_text(path, self._page())
 
     def summary(self) -> pd.DataFrame:

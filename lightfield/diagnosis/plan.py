@@ -21,7 +21,7 @@ from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE, own_part
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
-from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable, in_words
+from lightfield.diagnosis.problem.untestable import Hinders, Untestable, in_words
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.followed import can_follow, following, scattering
 from lightfield.diagnosis.search.preparation import whitened_test
@@ -32,6 +32,7 @@ from lightfield.diagnosis.search.told_apart import (
     Limit,
     at_once,
     detection_limits,
+    hidden_effects,
     isolability,
 )
 from lightfield.diagnosis.verdict.advice import (
@@ -166,10 +167,7 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     whiten = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), whiten, [base.u])
     adequacy = whitened_test(problem, whiten, np.random.default_rng(0))(base)
-    seen = {s.template.candidate.name for s in adequacy.scores if s.testable}
-    for score in adequacy.scores:
-        if score.template.candidate.name not in seen:
-            untestable[score.template.candidate.name] = (Hindrance(Hinders.ABSORBED_IN_LAYOUT),)
+    untestable |= hidden_effects(adequacy.scores, adequacy.scores, Hinders.ABSORBED_IN_LAYOUT)
     by_gain = power_limits(problem, base, budget.calibration)
     untestable = {name: why for name, why in untestable.items() if name not in by_gain}
     limits = detection_limits(adequacy, 1.0) | by_gain

@@ -20,7 +20,7 @@ from lightfield.render.diffuse.followed import field_at
 from lightfield.scene import Scene
 from lightfield.scene.acts import DIFFUSE
 from lightfield.scene.all_parameters import neutral
-from lightfield.scene.bands import read_nm
+from lightfield.scene.bands import middles_nm, read_nm
 from lightfield.scene.water.ageing import ages, at_time, moments
 from lightfield.scene.water.coefficients import scattering_per_m
 
@@ -93,8 +93,15 @@ def remembered(source: DiffuseSource | None) -> DiffuseSource | None:
 
 
 def has_diffuse_light(scene: Scene) -> bool:
-    """Does the scene scatter or reflect any light?"""
-    return not neutral(scene, DIFFUSE)
+    """Does the scene scatter or reflect any light?
+
+    A table of water may say that it scatters none.
+    """
+    if neutral(scene, DIFFUSE):
+        return False
+    if scene.water.base != "table" or any(scene.reflectances):
+        return True
+    return bool(scattering_per_m(scene.water, middles_nm(scene).ravel()).any())
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,7 +43,7 @@ class Readings(Unchecked):
         given = {"z_m": z_m, "value": value, **given}
         size = np.size(value)
         columns: dict[str, Any] = {n: _column(n, given.pop(n, None), size) for n in COLUMNS}
-        terms = {name: given.pop(name) for name in TERMS if name in given}
+        terms = {name: _term(name, given.pop(name)) for name in TERMS if name in given}
         budget = replace(given.pop("budget", ErrorBudget()), **terms)
         extra = {
             name: np.array([str(cell) for cell in np.broadcast_to(np.asarray(cells), (size,))], dtype=np.str_)
@@ -116,9 +117,25 @@ class Readings(Unchecked):
         return against_scene(self, scene)
 
 
+def _term(name: str, given: Any) -> float | None:
+    """A term of the error budget."""
+    if given is None or (isinstance(given, Real) and not isinstance(given, bool)):
+        return None if given is None else float(given)
+    raise MeasurementError(f"{name} is no number", found=given, remedy="give a number, or None")
+
+
 def _column(name: str, given: Any, size: int) -> NDArray[Any]:
     kind: Any = np.str_ if name in TEXT_COLUMNS else np.bool_ if name == "saturated" else np.float64
+    if np.ma.is_masked(given):
+        raise MeasurementError(
+            f"{name} is masked in places", rule="plain arrays", remedy="leave the masked readings out"
+        )
     values = np.asarray(DEFAULTS.get(name, np.nan) if given is None else given)
+    if kind is np.float64 and values.dtype.kind in "bc":
+        raise MeasurementError(
+            f"{name} does not hold numbers", found=f"an array of {values.dtype}", rule="real numbers",
+            remedy="give numbers",
+        )  # fmt: skip
     if values.ndim > 1 or values.size not in (1, size):
         raise MeasurementError(
             f"{name} has shape {values.shape}",

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 
 from lightfield.arrays import Array, evenly
 from lightfield.diagnosis.verdict.parts import Rung
+from lightfield.errors import UsageError
 from lightfield.readings import Readings
 from lightfield.render.picture import Picture, tone_mapped
 from lightfield.report.diagnosis.ladder import FAR_APART
@@ -44,6 +45,11 @@ _CELL_IN = 0.22
 def axes_for(ax: Axes | None) -> Axes:
     """The axes that were given, or those of a new figure in our style."""
     if ax is not None:
+        if not isinstance(ax, Axes):
+            raise UsageError(
+                "not what this argument takes", where="ax", found=type(ax).__name__,
+                rule="the axes of a matplotlib figure, or none",
+            )  # fmt: skip
         return ax
     with matplotlib.rc_context(STYLE):
         return pyplot.subplots(figsize=(7.0, 4.2), layout="constrained")[1]

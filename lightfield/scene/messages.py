@@ -154,7 +154,7 @@ def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -
     if isinstance(error := context.get("error"), RuleError):
         return error.rule, error.remedy or f"change {'.'.join(keys)}"
     if kind in {"model_type", "model_attributes_type"}:
-        return "a table of keys", f"write it as [{'.'.join(keys)}]"
+        return "a table of keys", f"write it as [{'.'.join(keys)}]" if keys else "give keys and values"
     if kind == "missing":
         if keys[-1] != name and field is not None:
             return f"{meaning}: more values than these", f"write {name} = [..., ...]"

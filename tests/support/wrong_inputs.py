@@ -288,7 +288,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("ros open.toml --no-trace", ["no array"]),
     ("link no.toml", ["no.toml", "No such file"]),
     ("link open.toml --ber 2", ["ber: impossible", "found 2.0"]),
-    ("link open.toml --area 0", ["area_mm2: impossible number"]),
+    ("link open.toml --area 0", ["area: impossible number"]),
     ("link open.toml --water ice", ["--water", "'ice'", "NAME=A,B"]),
     ("link open.toml --to 1", ["impossible farthest distance", "1 m", "above 4 m"]),
     ("link open.toml --json open.toml", ["open.toml"]),

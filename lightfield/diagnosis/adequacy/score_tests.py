@@ -80,6 +80,11 @@ class Score:
     def key(self) -> tuple[str, str]:
         return self.template.candidate.key
 
+    @property
+    def acts(self) -> bool:
+        """Does the effect change anything here, be it as what is free does?"""
+        return bool(self.template.columns.any())
+
 
 @dataclass(frozen=True)
 class Adequacy:

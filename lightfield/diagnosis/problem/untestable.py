@@ -36,6 +36,7 @@ class Hinders(str, Enum):
     FREE_ALREADY = "free in the base model, or unknown to the scene"
     ABSORBED = "absorbed by the base model"
     ABSORBED_IN_LAYOUT = "absorbed by the base model in this layout"
+    NOTHING_THERE = "nothing there that it acts on"
     NO_EFFECT = "no effect of the table"
     NOT_ASKED = "not considered"
 
@@ -102,6 +103,7 @@ _WORDS = {
     Hinders.FREE_ALREADY: "its parameters are free in the base model, or this scene has none of them",
     Hinders.ABSORBED: "absorbed by gain, beam width and absorption with these readings",
     Hinders.ABSORBED_IN_LAYOUT: "absorbed by gain, beam width and absorption in this layout",
+    Hinders.NOTHING_THERE: "changes nothing in this scene, which has none of what it acts on",
     Hinders.NO_EFFECT: "no effect of the table sets it free",
     Hinders.NOT_ASKED: "not among the effects that were considered",
 }

@@ -7,7 +7,7 @@ knowledge.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -101,6 +102,25 @@ class Limit:
     path: str
     value: float
     reachable: bool
+
+
+def hidden_effects(
+    scores: Iterable[Score], seen_by: Iterable[Score], absorbed: Hinders
+) -> dict[str, tuple[Hindrance, ...]]:
+    """Effects of some scores that none of others can show, and why.
+
+    Parameters
+    ----------
+    absorbed : Hinders
+        Of those that act, and are taken for what is free.
+    """
+    seen = {s.template.candidate.name for s in seen_by if s.testable}
+    found: dict[str, Hinders] = {}
+    for score in scores:
+        name = score.template.candidate.name
+        if name not in seen:
+            found[name] = absorbed if score.acts else found.get(name, Hinders.NOTHING_THERE)
+    return {name: (Hindrance(why),) for name, why in found.items()}
 
 
 def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:

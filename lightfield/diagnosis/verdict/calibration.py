@@ -133,9 +133,10 @@ def with_power(prepared: Prepared, finding: SearchResult, tried: ScoredSet, powe
     adequacy = finding.adequacy_of(tried)
     test = tried.test or finding.level.bench.test
     fit = prepared.problem.fit(explanation, test.whiten, [start])
-    calibration = prepared.noise.budget.calibration or 0.0
-    value, error = fit.values[LAMP_POWER], fit.stderr(scale_of_errors(fit, adequacy, test))[LAMP_POWER]
-    errors = {**tried.errors, LAMP_POWER: float(np.hypot(calibration * value, error))}
+    # The gain's, whose logarithm is far from any bound: to powers of a hundredth the range has no digits.
+    i, calibration = tried.fit.paths.index(GAIN), prepared.noise.budget.calibration or 0.0
+    error = np.sqrt(tried.fit.covariance(scale_of_errors(tried.fit, adequacy, test))[i, i])
+    errors = {**tried.errors, LAMP_POWER: float(fit.values[LAMP_POWER] * np.hypot(calibration, error))}
     bic = tried.bic + float(np.log(finding.n))
     return replace(
         tried, explanation=explanation, fit=fit, bic=bic, adequacy=adequacy, test=test, errors=errors

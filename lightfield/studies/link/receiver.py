@@ -19,13 +19,13 @@ from lightfield.studies import photocurrent
 
 #: A lamp is seen where its signal is so many times the noise in this bandwidth (20 readings a second).
 SEEN_SNR, SEEN_HZ = 10.0, 10.0
-#: What receivers there are, and room beside them: least, largest and unit.
+#: What receivers there are, and room beside them: what it is called, least, largest and unit.
 RANGES = {
-    "area_mm2": (1e-6, 1e8, "mm²"),
-    "responsivity_a_per_w": (1e-6, 1e9, "A/W"),
-    "noise_a_per_sqrt_hz": (1e-30, 1.0, "A/√Hz"),
-    "background_a": (0.0, 1e3, "A"),
-    "bit_rate_per_s": (1e-3, 1e12, "bit/s"),
+    "area_mm2": ("area", 1e-6, 1e8, "mm²"),
+    "responsivity_a_per_w": ("responsivity", 1e-6, 1e9, "A/W"),
+    "noise_a_per_sqrt_hz": ("amplifier noise", 1e-30, 1.0, "A/√Hz"),
+    "background_a": ("background", 0.0, 1e3, "A"),
+    "bit_rate_per_s": ("bit rate", 1e-3, 1e12, "bit/s"),
 }
 
 
@@ -56,11 +56,11 @@ class Receiver:
     ber: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name, (low, high, unit) in RANGES.items():
+        for name, (called, low, high, unit) in RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise UsageError(
-                    "impossible number", where=name, found=value, rule=f"{low:g} to {high:g} {unit}"
+                    "impossible number", where=called, found=value, rule=f"{low:g} to {high:g} {unit}"
                 )
         if not 0 < self.ber < 0.5:
             raise UsageError("impossible number", where="ber", found=self.ber, rule="above 0, below 0.5")

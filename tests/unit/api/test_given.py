@@ -42,6 +42,7 @@ WRONG = {
     "bare numbers": (lambda: lf.diagnose(np.ones(4), POOL), "readings.*`load`"),  # type: ignore[arg-type]
     "no effect": (lambda: lf.diagnose("x.csv", POOL, effects=[]), "no effect is named"),
     "a list with a number": (lambda: lf.attenuation(["a.csv", 3], POOL), "readings.*`load`"),  # type: ignore[list-item]
+    "a scene for readings": (lambda: lf.save(POOL, "x.csv"), "readings.*`load`"),  # type: ignore[arg-type]
     "alpha in per cent": (lambda: lf.diagnose("x.csv", POOL, alpha=5), "alpha.*0.0005 to 0.5"),
     "half a water": (lambda: lf.link(POOL, water={"harbour": 3}), "water harbour.*1/m"),  # type: ignore[dict-item]
     "waters in a list": (lambda: lf.link(POOL, water=[(1, 2)]), "water.*names"),  # type: ignore[arg-type]

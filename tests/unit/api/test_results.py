@@ -97,6 +97,13 @@ def test_every_answer_has_a_page(table, diagnosis, maps, tmp_path):
         assert "</html>" in page and "<svg" in page, name
 
 
+def test_a_page_is_written_to_a_path_and_drawn_in_axes(diagnosis):
+    with pytest.raises(lf.LightfieldError, match=r"path: .*the path of a file"):
+        diagnosis.report(3)
+    with pytest.raises(lf.LightfieldError, match=r"ax: .*the axes of a matplotlib figure"):
+        diagnosis.plot("a")
+
+
 def test_an_answer_without_axes_draws_into_a_figure_of_its_own(diagnosis):
     from matplotlib import pyplot
 

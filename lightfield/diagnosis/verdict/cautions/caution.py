@@ -29,6 +29,7 @@ class Warns(str, Enum):
     MORE_ABSORPTION = "absorption far above the scene's"
     LESS_ABSORPTION = "absorption far below the scene's"
     GAIN = "gain beyond the calibration"
+    IMMERSED = "gain of a collector in water"
     AMPLIFIES = "water that amplifies"
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
@@ -46,7 +47,7 @@ class Warns(str, Enum):
 #: What speaks of a mistake in the table or the scene, which effects then stand in for.
 MISTAKES = (
     Warns.SCATTER_FAR_MORE, Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN,
-    Warns.OF_BAND, Warns.EXCHANGED, Warns.COARSE_TABLE, Warns.ANOTHER_LAMP,
+    Warns.IMMERSED, Warns.OF_BAND, Warns.EXCHANGED, Warns.COARSE_TABLE, Warns.ANOTHER_LAMP,
 )  # fmt: skip
 #: The same of the table's own checks.
 _MISTAKES_OF_TABLES = (
@@ -107,6 +108,9 @@ _WORDS = {
     Warns.LESS_ABSORPTION: _ABSORPTION.format("these readings were taken in water (column medium)"),
     Warns.GAIN: "the readings are {ratio:.3g} times what the scene's lamp of {power_w:g} W gives, and "
     "calibrated to {calibration_percent:g} %: check their unit, or lamp.power_w",
+    Warns.IMMERSED: "a collector that was calibrated in air, of an immersion factor of {factor:.3g}, would "
+    "read just so in water: if that is left out of these readings, state it (detector.immersion_factor); "
+    "in water alone it is as another lamp.power_w",
     Warns.AMPLIFIES: "the water that fits best would have to give light back (its attenuation comes down to "
     "{least_per_m:.2g} 1/m): a straight gradient or drift holds only so far; read the attenuation at both "
     "ends of the tank, at the beginning and at the end of the scan",

@@ -48,6 +48,9 @@ FELT = 0.1
 SURE = 3.0
 #: Errors of the calibration beyond which a gain is spoken of. Chosen: one right calibration of 370 is.
 GAIN_SIGMA = 3.0
+#: Factors that are spoken of as an irradiance collector's. Chosen: about water's index of refraction; each
+#: design has one of its own.
+IMMERSED = (1.1, 1.6)
 #: Chi-square from which on water that amplifies is spoken of. Chosen: two standard errors.
 AMPLIFIES = 4.0
 #: By how much two smooth beams through a coarse table differ, in bright readings, from which on it is spoken
@@ -73,7 +76,7 @@ def hints(
     gain = _gain(scene, values, calibration)
     found = [
         _width(scene, forward.scenes.at(values, validate=False)), _absorption(forward, problem, fit),
-        gain, _of_band(forward, gain, calibration), _amplifying(fit),
+        gain, _immersed(forward, gain), _of_band(forward, gain, calibration), _amplifying(fit),
         _coarse_table(forward, problem), _beyond_table(scene, forward.readings),
     ]  # fmt: skip
     if has_diffuse_light(scene) and forward.light.diffuse.trace is None:
@@ -183,6 +186,17 @@ def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) 
         return None
     told = {"ratio": ratio, "power_w": power, "calibration_percent": 100 * calibration}
     return Caution(warns=Warns.GAIN, about=LAMP_POWER, values=told)
+
+
+def _immersed(forward: SceneForward, gain: Caution | None) -> Caution | None:
+    """Are the readings too dark by what a collector for air loses in water?"""
+    if gain is None or forward.scene.detector.immersion_factor != 1.0:
+        return None
+    factor = 1 / float(gain.values["ratio"])
+    wet = (np.asarray(forward.readings.medium) == "water").all()
+    if not (wet and forward.scene.detector.quantity != "radiance" and IMMERSED[0] < factor < IMMERSED[1]):
+        return None
+    return Caution(warns=Warns.IMMERSED, about="detector.immersion_factor", values={"factor": factor})
 
 
 def _of_band(forward: SceneForward, gain: Caution | None, calibration: float | None) -> Caution | None:

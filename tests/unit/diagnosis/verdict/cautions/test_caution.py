@@ -26,6 +26,7 @@ NUMBERS = {
     Warns.WIDTH: {"ratio": 2.1, "fitted": 8.0, "stated": 3.81},
     Warns.MORE_ABSORPTION: {"ratio": 2.3, "fitted": 0.23, "stated": 0.1},
     Warns.LESS_ABSORPTION: {"ratio": 0.25, "fitted": 0.025, "stated": 0.1},
+    Warns.IMMERSED: {"factor": 1.37},
     Warns.GAIN: {"ratio": 1.57, "power_w": 30.0, "calibration_percent": 10.0},
     Warns.AMPLIFIES: {"least_per_m": -0.036},
     Warns.OF_BAND: {"ratio": 0.106},
