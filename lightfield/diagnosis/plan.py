@@ -16,10 +16,11 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, by_others, combined, orthonormal
 from lightfield.diagnosis.adequacy.templates import bank
+from lightfield.diagnosis.planned import planned, planned_in
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
-from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE, own_part
+from lightfield.diagnosis.problem.quoted import own_part
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Hinders, Untestable, in_words
 from lightfield.diagnosis.problem.whitening import Whitener
@@ -50,7 +51,6 @@ from lightfield.diagnosis.verdict.advice import (
 from lightfield.diagnosis.verdict.calibration import power_limits
 from lightfield.diagnosis.verdict.estimates import units_of
 from lightfield.diagnosis.verdict.speech import in_unit
-from lightfield.errors import FitError
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.forward import SceneForward
@@ -86,6 +86,8 @@ class LayoutPlan:
         Smallest size of each effect that is found with 95 % probability.
     isolability : Isolability
         Distances between effects, each at twice its detection limit or its typical size, whichever is larger.
+    largest : float
+        Reading of the scene's light, in the unit of the readings.
     """
 
     limits: dict[str, Limit]
@@ -95,38 +97,7 @@ class LayoutPlan:
     units: dict[str, str]
     readings: int
     assumed: tuple[Assumed, ...]
-
-
-def planned(readings: Readings, forward: SceneForward) -> Readings:
-    """A layout with the light of a scene as values and assumed errors where there are none.
-
-    The largest value is 1 on a relative scale.
-    """
-    light = forward.predict({})
-    brightest = float(light.max())
-    if not 0 < brightest < np.inf:
-        raise FitError(
-            "no light of the scene reaches this layout", where=readings.source or None, found=brightest,
-            rule="light above 0 somewhere", remedy="read nearer to the lamp, or check lamp and water",
-        )  # fmt: skip
-    unit = 1.0 if readings.scale == "absolute" else brightest
-    value = light / unit
-    stderr = np.asarray(readings.stderr, float)
-    guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR * value.max())
-    return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))
-
-
-def planned_in(
-    readings: Readings, scene: Scene, diffuse: DiffuseSource | None
-) -> tuple[Readings, SceneForward]:
-    """A layout with all light of a scene as values, and what predicts it.
-
-    Photons are sent in a beam as wide as its direct light shows.
-    """
-    direct = planned(readings, SceneForward(scene, readings))
-    forward = SceneForward(scene, direct, diffuse)
-    table = planned(readings, forward)
-    return table, forward.read_as(table)
+    largest: float
 
 
 def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None) -> LayoutPlan:
@@ -135,8 +106,8 @@ def plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None = None)
     Parameters
     ----------
     readings : Readings
-        Positions, times, media, wavelengths and, if known, standard errors (on a relative scale of a largest
-        reading of 1); values are not used.
+        Positions, times, media, wavelengths and, if known, standard errors. On a relative scale values, where
+        there are any, tell the unit of these and no more; without values the largest reading is 1.
     scene : Scene
         Its lamp, water and tank are taken to be true.
     diffuse : callable, optional
@@ -174,8 +145,9 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
     helpful = _helpful(forward, problem, base, adequacy, found, noise)
     return LayoutPlan(
-        limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed
-    )
+        limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed,
+        float(layout_table.value.max()),
+    )  # fmt: skip
 
 
 def _identity(columns: Array) -> Array:
@@ -323,6 +295,8 @@ def as_text(made: LayoutPlan) -> str:
         size = in_unit(f"{limit.value:.3g}", made.units.get(limit.path, "1"))
         size = size if limit.reachable else f"not even its largest plausible size ({size})"
         lines.append(f"  {name:<20} {limit.path:<32} {size}")
+    if "reading" in {made.units.get(limit.path) for limit in made.limits.values()}:
+        lines.append(f"  (the largest reading of this layout is {made.largest:.3g})")
     for name, why in made.untestable.items():
         lines.append(f"  {name:<20} not testable: {in_words(why)}")
     iso = made.isolability
@@ -362,6 +336,7 @@ def as_data(made: LayoutPlan) -> dict[str, Any]:
     iso = made.isolability
     return {
         "readings": made.readings,
+        "largest_reading": made.largest,
         "detection_limits": {
             name: {
                 "parameter": limit.path,

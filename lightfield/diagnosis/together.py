@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.expected import LIKELY, Expected, Together
-from lightfield.diagnosis.plan import planned_in
+from lightfield.diagnosis.planned import planned_in
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightfield.diagnosis.plan import LayoutPlan, as_text, plan, planned
+from lightfield.diagnosis.plan import LayoutPlan, as_text, plan
+from lightfield.diagnosis.planned import planned
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -84,6 +85,22 @@ def test_it_is_promised_in_any_unit(units: str) -> None:
     relative = promised(scale="relative")
     assert len(relative) == 2
     assert promised(scale="absolute", units=units) == pytest.approx(relative, rel=0.02)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e-3])
+def test_a_table_that_was_read_is_planned_for_in_its_own_unit(unit: float) -> None:
+    """Values that the scene misses by up to a fifth tell the unit of the errors, and nothing else."""
+    table = layout()
+    light = planned(table, SceneForward(SCENE, table)).value
+    missed = 1.0 + 0.2 * np.sin(table.z_m)
+    once = plan(replace(table, value=missed * light, stderr=0.01 * light + 1e-3), SCENE)
+    read = plan(replace(table, value=unit * missed * light, stderr=unit * (0.01 * light + 1e-3)), SCENE)
+    assert read.largest == pytest.approx(unit * once.largest) and 0.8 < once.largest < 1.25
+    for name, limit in once.limits.items():
+        factor = unit if limit.path == "detector.background" else 1.0
+        assert read.limits[name].value == pytest.approx(factor * limit.value, rel=1e-6), name
+    bare = plan(replace(table, stderr=0.01 * light + 1e-3), SCENE)
+    assert bare.largest == 1.0 and "the largest reading of this layout is 1)" in as_text(bare)
 
 
 def test_readings_to_add_say_in_which_band_they_are_judged() -> None:

@@ -13,7 +13,7 @@ import lightfield
 from lightfield import cli
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.expected import Together
-from lightfield.diagnosis.plan import planned_in
+from lightfield.diagnosis.planned import planned_in
 from lightfield.diagnosis.together import together
 from lightfield.errors import SceneError, UsageError
 from lightfield.experiments.hide import Secret, hide
