@@ -6,14 +6,18 @@ of the loss, and does so along a line that is straight to the eye.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
+from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
+from lightfield.formula.own_formulas import lit
+from lightfield.scene.lamp.frame import axis_at
+from lightfield.scene.lamp.width import half_width_rad
 from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, JointEstimate, misfit_p
-from lightfield.studies.attenuation.ratios import Ratios
+from lightfield.studies.attenuation.ratios import FEWEST_DISTANCES, Ratios
 
 #: What the paper states attenuation over.
 METRE = 1.0
@@ -22,6 +26,13 @@ SIGMAS = 3.0
 #: A ratio makes most of a misfit if so much of chi-square, at most, is left without it; so many are tried.
 #: Chosen.
 _LEFT, _TRIED = 0.5, 20
+#: A line through fewer distances is not tested by them.
+_FEWEST_TESTED = 3
+#: Places up to so many half widths beside the beam's axis may stand for it. Chosen: farther out scattered
+#: light is much of what is read.
+_ON_AXIS = 1.0
+#: No beam counts as wider, rad.
+_WIDEST = 1.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +41,20 @@ class Apparent:
 
     Parameters
     ----------
+    ratios : Ratios
+        Without the one that was set aside.
     estimate : JointEstimate
         Parameters of each colour: alpha, K in 1/m.
+    on_line : array of bool, shape (n_places,)
+        Places that K is of: all, or those nearest to the beam's axis where these alone lie on lines.
+    set_aside : str
+        A ratio that was left out because the others lie on a line without it, in words; or nothing.
     """
 
     ratios: Ratios
     estimate: JointEstimate
+    on_line: Mask
+    set_aside: str = ""
 
     @property
     def K_per_m(self) -> Array:
@@ -77,27 +96,9 @@ class Apparent:
 
     @property
     def stray(self) -> str:
-        """The ratio that makes most of the misfit, in words; nothing where none does.
-
-        Tried without each of those that are farthest off: a wild one at an end bends the line towards itself.
-        """
-        if not self.misfit_p <= POOR_FIT:
-            return ""
-        off = np.nan_to_num(np.abs(self.estimate.residual / self.ratios.stderr))
-        least, worst = _LEFT * self.estimate.chi2, None
-        for at in np.argsort(off, axis=None)[: -_TRIED - 1 : -1]:
-            stderr = self.ratios.stderr.copy()
-            stderr.flat[at] = np.nan
-            fit = _fitted(self.ratios, stderr)
-            if fit.chi2 < least:
-                least, worst = fit.chi2, (np.unravel_index(at, off.shape), fit.theta)
-        if worst is None:
-            return ""
-        (row, colour), theta = worst
-        nm, path_m = self.ratios.wavelength_nm[colour], self.ratios.path_m[row]
-        over = float(np.expm1(self.ratios.y[row, colour] - theta[colour] @ [1.0, -path_m]))
-        side = f"{100 * abs(over):.2g} % {'above' if over > 0 else 'below'} the line of the rest"
-        return f"through {path_m:.3g} m of water at {nm:g} nm, {side}"
+        """The ratio that makes most of the misfit, in words; nothing where none does."""
+        found = _stray(self.ratios, self.estimate, self.on_line)
+        return "" if found is None else found[0]
 
     @property
     def misfit_p(self) -> float:
@@ -149,15 +150,67 @@ class Apparent:
 def apparent_attenuation(ratios: Ratios) -> Apparent:
     """Fit alpha - K s to the logarithms of all colours at once.
 
+    Where they lie on no straight lines, one ratio is set aside if the others do without it; else K is that of
+    the places nearest to the beam's axis, if these do: beside the beam scattered light is what is read.
+
     Parameters
     ----------
     ratios : Ratios
         From `lightfield.studies.attenuation.ratios.ratios_of`.
     """
-    return Apparent(ratios, _fitted(ratios, ratios.stderr).widened())
+    whole, near = np.ones(len(ratios.path_m), bool), _nearest_to_axis(ratios)
+    tested = len(np.unique(ratios.stay[near])) >= _FEWEST_TESTED and not near.all()
+    for places in (whole, near) if tested else (whole,):
+        found = _fitted(ratios, places)
+        if not misfit_p(found.chi2, found.dof) <= POOR_FIT:
+            return Apparent(ratios, found.widened(), places)
+        words, without, fit = _stray(ratios, found, places) or ("", ratios, found)
+        if misfit_p(fit.chi2, fit.dof) > POOR_FIT:
+            return Apparent(without, fit.widened(), places, words)
+    return Apparent(ratios, _fitted(ratios, whole).widened(), whole)
 
 
-def _fitted(ratios: Ratios, stderr: Array) -> JointEstimate:
-    ones = np.ones_like(ratios.y)
+def _nearest_to_axis(ratios: Ratios) -> Mask:
+    """At every distance the places that are nearest to the beam's axis, if they lie in the beam."""
+    x, y = axis_at(lit(ratios.scene).lamp, ratios.z_m)
+    aside = np.round(np.hypot(ratios.x_m - x, ratios.y_m - y), PLACE_DECIMALS)
+    least = np.full(len(ratios.stay_stderr), np.inf)
+    np.minimum.at(least, ratios.stay, aside)
+    beam = _ON_AXIS * np.tan(min(half_width_rad(ratios.scene.lamp), _WIDEST)) * ratios.z_m
+    return np.asarray((aside <= least[ratios.stay]) & (aside <= beam))
+
+
+def _stray(ratios: Ratios, found: JointEstimate, places: Mask) -> tuple[str, Ratios, JointEstimate] | None:
+    """The ratio that makes most of a misfit in words, the ratios without it, and their fit.
+
+    Tried without each of those that are farthest off: a wild one at an end bends the line towards itself.
+    """
+    if not misfit_p(found.chi2, found.dof) <= POOR_FIT:
+        return None
+    off = np.nan_to_num(np.abs(found.residual / ratios.stderr))
+    least, worst = _LEFT * found.chi2, None
+    for flat in np.argsort(off, axis=None)[: -_TRIED - 1 : -1]:
+        row, colour = np.unravel_index(flat, off.shape)
+        y, stderr = ratios.y.copy(), ratios.stderr.copy()
+        y[row, colour] = stderr[row, colour] = np.nan
+        left = np.isfinite(stderr[:, colour]) & places
+        if len(np.unique(ratios.stay[left])) < FEWEST_DISTANCES:
+            continue
+        without = replace(ratios, y=y, stderr=stderr)
+        fit = _fitted(without, places)
+        if fit.chi2 < least:
+            least, worst = fit.chi2, (row, colour, without, fit)
+    if worst is None:
+        return None
+    row, colour, without, fit = worst
+    nm, path_m = ratios.wavelength_nm[colour], ratios.path_m[row]
+    over = float(np.expm1(ratios.y[row, colour] - fit.theta[colour] @ [1.0, -path_m]))
+    side = f"{100 * abs(over):.2g} % {'above' if over > 0 else 'below'} the line of the rest"
+    return f"through {path_m:.3g} m of water at {nm:g} nm, {side}", without, fit
+
+
+def _fitted(ratios: Ratios, places: Mask) -> JointEstimate:
+    """The lines through some of the places."""
+    ones, stderr = np.ones_like(ratios.y), np.where(places[:, None], ratios.stderr, np.nan)
     X = np.stack([ones, -ratios.path_m[:, None] * ones], axis=2)
     return Design(stderr, X, *ratios.shared).estimate(ratios.y)

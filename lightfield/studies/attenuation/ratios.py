@@ -9,7 +9,6 @@ distance, and of the spectra at a place (a lamp that flickers).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,6 +41,8 @@ from lightfield.studies.attenuation.shared_errors import (
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
 _FAINT_SIGMA = 12.0
+#: Part of the brightest light that stands for none.
+_NOTHING = 1e-9
 #: What `Ratios` holds of each place, beside its stay.
 _OF_PLACES = ("x_m", "y_m", "z_m", "path_m", "place_stderr", "geometry")
 #: What `import` remarks of darks, in the head of its table.
@@ -50,6 +51,11 @@ _DARK_DOUBTS = {Remarks.NO_DARK.value, Remarks.LIT_DARK.value}
 PUBLISHED = "published_attenuation"
 #: A slope needs so many distances.
 FEWEST_DISTANCES = 2
+#: What helps where readings are left out.
+_REMEDIES = {
+    Studied.FAINT: "read nearer, or longer: the errors are too large for a logarithm",
+    Studied.NOT_IN_AIR: "read water and air at the same places, in the same bands",
+}
 #: Repeats from which an error that the table does not state is taken.
 _FEWEST_REPEATS = 3
 
@@ -155,6 +161,8 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     colours, colour = _labels(table.wavelength_nm, decimals=WAVELENGTH_DECIMALS)
     shape = (len(places), len(colours))
     light, slope = _light(table, scene, air, float(np.abs(readings.value).max()))
+    # Of nothing there is no relative error: so little is as nothing.
+    light = np.where(light == 0, _NOTHING * np.abs(light).max(), light)
     relative, notes = _relative_errors(table, light, slope, place * len(colours) + colour, air)
     common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value * slope / light)
     relative = own_part(relative, common)
@@ -346,13 +354,19 @@ def _enough(found: Ratios, where: str | None) -> Ratios:
     distances = np.array([len(np.unique(found.stay[column])) for column in known.T])
     keep = distances >= FEWEST_DISTANCES
     if not keep.any():
+        left = [note for note in found.notes if note.studied in _REMEDIES]
         raise MeasurementError(
             "attenuation needs several distances",
             where=where,
-            found=f"{int(distances.max(initial=0))} with readings in water"
-            + (" and in air at the same places" if found.reference == "air" else ""),
+            found="; ".join(
+                [
+                    f"{int(distances.max(initial=0))} with readings in water"
+                    + (" and in air at the same places and wavelengths" if found.reference == "air" else ""),
+                    *map(str, left),
+                ]
+            ),
             rule=f"at least {FEWEST_DISTANCES}, per wavelength",
-            remedy="read water and air at the same distances",
+            remedy="; ".join(_REMEDIES[note.studied] for note in left) or "read at more distances",
         )
     places = known[:, keep].any(axis=1)
     dropped = int((~keep).sum())
@@ -369,23 +383,3 @@ def _enough(found: Ratios, where: str | None) -> Ratios:
         stderr=found.stderr[np.ix_(places, keep)],
         notes=(*found.notes, *more),
     )
-
-
-def same_water(tables: Sequence[Ratios]) -> Array:
-    """The wavelengths of several tables of one water, shape (n_colours,), nm.
-
-    Raises
-    ------
-    MeasurementError
-        They were not read at the same wavelengths.
-    """
-    first = tables[0].wavelength_nm
-    for other in tables[1:]:
-        if len(other.wavelength_nm) != len(first) or not np.allclose(other.wavelength_nm, first, atol=0.01):
-            raise MeasurementError(
-                "the tables have different wavelengths",
-                found=f"{len(first)} and {len(other.wavelength_nm)}",
-                rule="the same wavelengths in all tables of one water",
-                remedy="import them with the same bands",
-            )
-    return first

@@ -24,6 +24,8 @@ class Studied(str, Enum):
     GROWS = "grows"
     DARK_LEFT = "dark_left"
     READOUT_LEFT = "readout_left"
+    SET_ASIDE = "set_aside"
+    BESIDE_BEAM = "beside_beam"
 
 
 @dataclass(frozen=True)
@@ -80,5 +82,9 @@ _WORDS = {
     "that is left in the readings makes K too small far away",
     Studied.READOUT_LEFT: "{why} of the scene is not taken out of the readings: K is off by what it does to "
     "them, and its error does not know of it",
+    Studied.SET_ASIDE: "one ratio of readings is left out, without which the others lie on straight lines: "
+    "{why}",
+    Studied.BESIDE_BEAM: "K is that of the {count} of {among} places nearest to the beam's axis, which lie "
+    "on straight lines: those beside it do not, as where scattered light is much of what is read",
     Studied.NO_CONSTITUENTS: "constituents were not looked for: {why}",
 }

@@ -186,9 +186,9 @@ def _combination(estimate: JointEstimate, a: Array, b: Array) -> tuple[Array, Ar
 
 def scene_says(apparent: Apparent, excess: Excess) -> Array:
     """Slope K that the scene's own water would show here, shape (n_colours,), 1/m."""
-    r = apparent.ratios
+    r, places = apparent.ratios, apparent.on_line
     y = Stack([r], [excess]).of_water(r.scene.water)
-    return -np.polyfit(r.path_m, y, 1)[0]
+    return -np.polyfit(r.path_m[places], y[places], 1)[0]
 
 
 def _fitted(

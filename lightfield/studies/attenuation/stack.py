@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from lightfield.arrays import Array
+from lightfield.errors import MeasurementError
 from lightfield.scene.water.water import Water
 from lightfield.studies.attenuation.excess import Excess
 from lightfield.studies.attenuation.ratios import Ratios
@@ -91,3 +92,23 @@ class Stack:
         """Its derivatives by a and b, m."""
         by_a, by_b = zip(*(e.slopes(a, b) for e in self.excess), strict=True)
         return np.concatenate(by_a), np.concatenate(by_b)
+
+
+def same_water(tables: Sequence[Ratios]) -> Array:
+    """The wavelengths of several tables of one water, shape (n_colours,), nm.
+
+    Raises
+    ------
+    MeasurementError
+        They were not read at the same wavelengths.
+    """
+    first = tables[0].wavelength_nm
+    for other in tables[1:]:
+        if len(other.wavelength_nm) != len(first) or not np.allclose(other.wavelength_nm, first, atol=0.01):
+            raise MeasurementError(
+                "the tables have different wavelengths",
+                found=f"{len(first)} and {len(other.wavelength_nm)}",
+                rule="the same wavelengths in all tables of one water",
+                remedy="import them with the same bands",
+            )
+    return first

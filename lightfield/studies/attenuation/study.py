@@ -23,15 +23,15 @@ from lightfield.studies.attenuation.constituents import (
     pure,
 )
 from lightfield.studies.attenuation.excess import no_excess
-from lightfield.studies.attenuation.ratios import ratios_of, same_water
+from lightfield.studies.attenuation.ratios import ratios_of
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.scattered import (
     Scattered,
-    Stack,
     other_phases,
     scattered_light,
     traced_stack,
 )
+from lightfield.studies.attenuation.stack import Stack, same_water
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ def attenuation(
     ratios = [ratios_of(table, scene, in_air) for table, scene in zip(tables, given, strict=True)]
     same_water(ratios)
     apparent = tuple(apparent_attenuation(r) for r in ratios)
-    notes = [note for r in ratios for note in r.notes] + [n for one in apparent for n in _growing(one)]
+    notes = [note for r in ratios for note in r.notes] + [n for one in apparent for n in _of_lines(one)]
     stack, others, scattered = None, {}, None
     if trace is not None:
         try:
@@ -158,10 +158,16 @@ def attenuation(
     return Attenuation(apparent, scattered, content, tuple(dict.fromkeys(notes)))
 
 
-def _growing(found: Apparent) -> list[Remark]:
-    """Where K is below zero beyond its errors."""
-    count = found.grows_at
-    return [Remark(Studied.GROWS, count=count, among=len(found.K_per_m), limit=SIGMAS)] if count else []
+def _of_lines(found: Apparent) -> list[Remark]:
+    """What the lines leave out, and where K is below zero beyond its errors."""
+    notes, on_line = [], found.on_line
+    if found.set_aside:
+        notes.append(Remark(Studied.SET_ASIDE, why=found.set_aside))
+    if not on_line.all():
+        notes.append(Remark(Studied.BESIDE_BEAM, int(on_line.sum()), len(on_line)))
+    if count := found.grows_at:
+        notes.append(Remark(Studied.GROWS, count=count, among=len(found.K_per_m), limit=SIGMAS))
+    return notes
 
 
 def _content(apparent: Sequence[Apparent], stack: Stack | None, others: dict[float, Stack]) -> Content:

@@ -340,7 +340,7 @@ def _one_distance_lines(one: Apparent) -> list[str]:
         return []
     shift = np.nanmean(one.one_distance() - one.K_per_m, axis=1)
     shown = ", ".join(
-        f"{shift[at]:+.3f} per m at {r.path_m[at]:g} m"
+        f"{shift[at]:+.3f} per m at {r.path_m[at]:.3g} m"
         for at in (int(np.argmin(r.path_m)), int(np.argmax(r.path_m)))
     )
     return [f"from one distance alone, gain and window uncorrected: K off by {shown}"]

@@ -289,14 +289,6 @@ def test_several_tables_are_of_the_same_colours_and_have_their_scenes() -> None:
         attenuation([readings, readings, readings], [scene(), scene()])
 
 
-def test_a_reading_that_alone_does_not_fit_is_named() -> None:
-    whole = table(scene(), noise=0.001, stay=0.001)
-    assert not attenuation(whole, scene()).apparent[0].stray
-    wrong = replace(whole, value=np.append(whole.value[:-1], 1.3 * whole.value[-1]))  # one in air
-    where = f"{whole.z_m[-1]:.3g} m of water at {whole.wavelength_nm[-1]:g} nm"
-    assert f"one ratio of readings: through {where}, 23 % below" in as_text(attenuation(wrong, scene()))
-
-
 def test_what_is_no_straight_line_is_said() -> None:
     """A layer between 6 and 7 m takes 3 % of the light behind it: readings good to 0.1 % show it."""
     whole = table(scene(), noise=0.001, stay=0.001)
