@@ -20,7 +20,7 @@ from lightfield.render.at_readings import rendered_light
 from lightfield.render.backend import use_backend
 from lightfield.render.maps import render_scene
 from lightfield.render.reflected.from_lamp import fresnel
-from lightfield.render.reflected.reflected_light import TWO_FACETS, ReflectedLight
+from lightfield.render.reflected.reflected_light import MORE_FACETS, ReflectedLight
 from lightfield.render.reflected.waves import seen
 from lightfield.scene import Scene
 
@@ -42,7 +42,8 @@ def by_hand(slope_deg: float, hwhm_deg: float, photons: int = 400_000) -> tuple[
     """Irradiance of the cells by way of the surface, for unit intensity, and its error: a plain walk.
 
     Each photon is shown 40 facets of normal slopes and meets one of them, with a chance that goes as the part
-    of its way that the facet covers; what the facet sends up again is dropped.
+    of its way that the facet covers; what the facet sends up again is shown 40 more, and what that sends up
+    once more is dropped.
     """
     rng = np.random.default_rng(11)
     # Upwards alone, uniform in solid angle over a half sphere about y.
@@ -55,6 +56,21 @@ def by_hand(slope_deg: float, hwhm_deg: float, photons: int = 400_000) -> tuple[
     met = d * way
     kept = (np.abs(met[0]) < HALF_M) & (met[2] > 0) & (met[2] < TANK["length_m"] - TANK["behind_lamp_m"])
     d, way, met, power = d[:, kept], way[kept], met[:, kept], power[kept]
+    once, part = facet(d, slope_deg, rng)
+    again, more = facet(once, slope_deg, rng)
+    o = np.where(once[1] < 0, once, again)
+    power *= np.where(once[1] < 0, part, part * more) * (o[1] < 0) * (o[2] > 0)
+    on = (PLANE_M - met[2]) / np.where(o[2] > 0, o[2], 1.0)
+    at = met + o * on
+    power *= (on > 0) * np.exp(-PER_M * (way + on))
+    cell = np.histogram2d(at[1], at[0], bins=(ROWS, COLUMNS), weights=power)[0]
+    squares = np.histogram2d(at[1], at[0], bins=(ROWS, COLUMNS), weights=power**2)[0]
+    area = np.diff(ROWS)[:, None] * np.diff(COLUMNS)
+    return cell / area, np.sqrt(squares) / area
+
+
+def facet(d: np.ndarray, slope_deg: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Where facets send light that flies along d, shape (3, n), and which part of it."""
     sigma = np.tan(np.radians(slope_deg))
     s, t = rng.normal(0, sigma, (2, d.shape[1], 40))
     covered = np.maximum(d[1][:, None] - d[0][:, None] * s - d[2][:, None] * t, 0)
@@ -64,15 +80,7 @@ def by_hand(slope_deg: float, hwhm_deg: float, photons: int = 400_000) -> tuple[
     one, two = s[every, np.minimum(which, 39)], t[every, np.minimum(which, 39)]
     normal = np.array([-one, np.ones(one.size), -two]) / np.sqrt(1 + one**2 + two**2)
     cosine = (d * normal).sum(axis=0)
-    o = d - 2 * cosine * normal
-    power *= fresnel(cosine) * (o[1] < 0) * (o[2] > 0)
-    on = (PLANE_M - met[2]) / np.where(o[2] > 0, o[2], 1.0)
-    at = met + o * on
-    power *= (on > 0) * np.exp(-PER_M * (way + on))
-    cell = np.histogram2d(at[1], at[0], bins=(ROWS, COLUMNS), weights=power)[0]
-    squares = np.histogram2d(at[1], at[0], bins=(ROWS, COLUMNS), weights=power**2)[0]
-    area = np.diff(ROWS)[:, None] * np.diff(COLUMNS)
-    return cell / area, np.sqrt(squares) / area
+    return d - 2 * cosine * normal, fresnel(np.clip(cosine, 1e-9, 1.0))
 
 
 def of_cells(lit: Scene) -> np.ndarray:
@@ -125,8 +133,8 @@ def test_a_table_is_summed_as_finely_as_the_beam_that_is_tabulated(tmp_path) -> 
 def test_the_walk_of_photons_meets_the_same_facets(slope_deg: float, hwhm_deg: float) -> None:
     """Traced light of a black tank, all of which came by the surface.
 
-    What flies up from a facet meets another one in the walk and is lost by the formula: nothing of it at 2.5
-    degrees, where every cell and the mean agree to 1 %; more light, within the stated part, at 10.
+    What flies up from a facet meets another one, 6 % of the light at 10 degrees: every cell agrees to 1 %,
+    the mean to the stated part, which three facets in a row are within.
     """
     lit = scene(slope_deg, **{"lamp.hwhm_deg": hwhm_deg})
     rendering = render_scene(lit, max_photons=5e6, rel_error=1e-5, seed=2, cache=False)
@@ -139,12 +147,10 @@ def test_the_walk_of_photons_meets_the_same_facets(slope_deg: float, hwhm_deg: f
         ReflectedLight.at(s, *points).evaluate(s, PER_M).reshape(-1, 16).mean(axis=1)
         for s in (lit, scene(0.0, **{"lamp.hwhm_deg": hwhm_deg}))
     )
-    lost = 0.0 if slope_deg < 3 else TWO_FACETS
-    off = (traced - (1 + lost) * known) / np.hypot(error, (0.01 + lost) * known)
+    off = (traced - known) / np.hypot(error, 0.01 * known)
     assert np.abs(off).max() < 4.5 and np.mean(off**2) < 2.5
     spread = 3 * np.sqrt(np.sum(error**2)) / traced.sum()
-    assert abs(traced.mean() / known.mean() - 1 - lost) < 0.01 + lost + spread
-    assert (traced.mean() > known.mean()) or not lost
+    assert abs(traced.mean() / known.mean() - 1) < MORE_FACETS + spread
     assert np.abs(known / still - 1).max() > 10 * np.median(error / known)
 
 
@@ -202,7 +208,7 @@ def test_what_light_sees_of_the_facets_is_their_mean() -> None:
 
 @pytest.mark.slow
 def test_waves_that_a_full_render_hid_are_found_beside_the_surface() -> None:
-    """8 degrees, read at four heights: named, and the slope to 15 % (two facets make it look less)."""
+    """8 degrees, read at four heights: named, and the slope within its error."""
     rng = np.random.default_rng(3)
     across, heights, far = [-0.6, -0.2, 0.2, 0.6], [-0.9, -0.5, -0.1, 0.3], [1.5, 2.5, 3.5, 4.5]
     x, y, z = (g.ravel() for g in np.meshgrid(across, heights, far))
@@ -216,7 +222,7 @@ def test_waves_that_a_full_render_hid_are_found_beside_the_surface() -> None:
     verdict = diagnose(shown, scene(0.0), only=["waves", "background"], advise=False).verdict
     assert verdict.best_set == ["waves"], verdict.sentence
     slope = verdict.explanations[0].parameters["tank.surface_slope_deg"]
-    assert abs(slope.value - 8.0) < 1.2 + 3 * slope.stderr
+    assert abs(slope.value - 8.0) < 3 * slope.stderr and slope.stderr < 1.0
 
 
 def test_waves_are_not_hidden_where_no_surface_is() -> None:
