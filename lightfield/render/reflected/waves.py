@@ -22,7 +22,7 @@ from math import pi, radians, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import erf, ndtri
+from scipy.special import erf, ndtr, ndtri
 from scipy.stats import qmc
 
 from lightfield.arrays import Array
@@ -39,11 +39,15 @@ _FAR, _STEEP = 4.5, 0.95
 #: by twice the slope; at most so many to a side. A sum of even steps over a Gaussian of 0.75 of its standard
 #: deviation errs by 1e-15; beside a beam the sum is held to 1 % by `tests/physics/light/test_waves.py`.
 _STEP, _STEP_OF_BEAM, _MOST = 0.75, 0.35, 24
+#: A number of steps that is this near to a whole one is that.
+_ROUNDING = 1e-6
 #: Ways that are worked out at a time.
 _AT_ONCE = 200_000
-#: Directions and first facets of light that meets two, as a power of two: a part of them sends it up again.
-#: Chosen: what arrives is right to some per cent of itself, which is some per cent of all light of the waves.
-_DRAWN = 14
+#: Directions and first facets of light that meets two, as a power of two. Chosen: what arrives is right to
+#: some per cent of itself, which is some per cent of all light of the waves.
+_DRAWN = 11
+#: Sine of the least angle to the surface, and a probability that is none.
+_LEVEL, _NONE = 1e-6, 1e-30
 #: Angles to the beam's axis between which directions are drawn.
 _ANGLES = 1024
 
@@ -77,7 +81,7 @@ def glitter(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
     """
     width = radians(core_width_deg(lamp))
     step = min(_STEP * tank.slope, _STEP_OF_BEAM * width)
-    count = min(int(np.ceil(min(_FAR * tank.slope, _STEEP) / step)), _MOST)
+    count = min(int(np.ceil(min(_FAR * tank.slope, _STEEP) / step - _ROUNDING)), _MOST)
     step = min(_FAR * tank.slope, _STEEP) / count
     slopes = step * np.arange(-count, count + 1)
     at_once = max(_AT_ONCE // len(slopes) ** 2, 1)
@@ -144,34 +148,53 @@ def twice(lamp: Lamp, tank: Tank, places: np.ndarray) -> Glitter:
 
 
 def _sent_up_again(lamp: Lamp, tank: Tank) -> tuple[Array, Array, Array, Array]:
-    """Where light meets facets that send it up, m, along what, its power, sr, and its way in water, m."""
-    u = _drawn()
-    theta, density = _angles(lamp)
-    chosen = np.interp(u[:, 0], density, theta)
-    turn = 2 * pi * u[:, 1]
+    """Where light meets facets that send it up, m, along what, its power, sr, and its way in water, m.
+
+    Of the facets those alone are drawn, each with its part of all that the light sees: what is drawn changes
+    smoothly with the slope of the waves.
+    """
+    drawn, to, point, power = _at_surface(lamp, tank)
+    sigma, aside, rise = tank.slope, tank.slope * ndtri(drawn[:, 1]), to[:, 1]
+    level = np.maximum(np.hypot(to[:, 0], to[:, 2]), _LEVEL)
+    # Steeper than this along the way of the light, of such a slope aside, facets send it up.
+    flat = rise * (1 - aside**2)
+    least = flat / (level + np.sqrt(np.maximum(level**2 + rise * flat, 0.0)))
+    part = ndtr(-least / sigma)
+    some = part > _NONE
+    drawn, to, point, power, aside, level, part = (
+        v[some] for v in (drawn, to, point, power, aside, level, part)
+    )
+    along = -sigma * ndtri(part * drawn[:, 0])
+    ahead_x, ahead_z = to[:, 0] / level, to[:, 2] / level
+    slope_x, slope_z = -along * ahead_x + aside * ahead_z, -along * ahead_z - aside * ahead_x
+    normal = np.stack([slope_x, np.ones(len(to)), slope_z], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    cosine = np.maximum((to * normal).sum(axis=1), 0.0)
+    power = power * part * fresnel(np.maximum(cosine, _LEVEL)) * cosine / (normal[:, 1] * seen(to, sigma))
+    length = np.linalg.norm(point - source_point(lamp), axis=1)
+    return point, to - 2 * cosine[:, None] * normal, power, in_water_m(lamp, length, point[:, 2])
+
+
+def _at_surface(lamp: Lamp, tank: Tank) -> tuple[Array, Array, Array, Array]:
+    """Light of a lamp that meets the surface: two numbers for its facet, along what it flies, where it is, m,
+    and its power, sr."""
+    drawn = _drawn()
+    theta, nearer = _angles(lamp)
+    chosen, turn = np.interp(drawn[:, 0], nearer, theta), 2 * pi * drawn[:, 1]
     right, up, forward = (np.array(axis) for axis in beam_axes(lamp))
     beside = np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * up
     to = np.cos(chosen)[:, None] * forward + np.sin(chosen)[:, None] * beside
     # Between two of the angles each angle is as probable.
     k = np.clip(np.searchsorted(theta, chosen) - 1, 0, _ANGLES - 1)
-    solid = 2 * pi * np.sin(chosen) * (np.diff(theta) / np.diff(density))[k]
-    power = relative_intensity(lamp, *beam_angles(lamp, *to.T)) * solid / len(u)
-    slope = tank.slope * ndtri(u[:, 2:])
-    normal = np.stack([-slope[:, 0], np.ones(len(u)), -slope[:, 1]], axis=1)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    cosine = (to * normal).sum(axis=1)
-    ahead = to - 2 * cosine[:, None] * normal
-    source, top = np.array(source_point(lamp)), tank.lamp_depth_m
-    again = (to[:, 1] > 0) & (cosine > 0) & (ahead[:, 1] > 0)
-    to, ahead, normal, cosine, power = (v[again] for v in (to, ahead, normal, cosine, power))
-    power *= fresnel(cosine) * cosine / (normal[:, 1] * seen(to, tank.slope))
-    length = (top - source[1]) / to[:, 1]
-    point = source + length[:, None] * to
-    (left, right_end), _, (back, end) = tank.box_m
-    inside = (point[:, 0] > left) & (point[:, 0] < right_end) & (point[:, 2] > back) & (point[:, 2] < end)
-    inside &= before_lamp(lamp, point[:, 2])
-    point, ahead, power, length = (v[inside] for v in (point, ahead, power, length))
-    return point, ahead, power, in_water_m(lamp, length, point[:, 2])
+    solid = 2 * pi * np.sin(chosen) * (np.diff(theta) / np.diff(nearer))[k]
+    power = relative_intensity(lamp, *beam_angles(lamp, *to.T)) * solid / len(drawn)
+    source = np.array(source_point(lamp))
+    rise = np.maximum(to[:, 1], _LEVEL)
+    point = source + ((tank.lamp_depth_m - source[1]) / rise)[:, None] * to
+    (left, right_wall), _, (back, end) = tank.box_m
+    met = (to[:, 1] > _LEVEL) & before_lamp(lamp, point[:, 2])
+    met &= (point[:, 0] > left) & (point[:, 0] < right_wall) & (point[:, 2] > back) & (point[:, 2] < end)
+    return drawn[met, 2:], to[met], point[met], power[met]
 
 
 @cache
