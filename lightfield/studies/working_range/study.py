@@ -151,7 +151,7 @@ def working_range(
     """
     _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9))
     check_photons(photons)
-    first, last = _ends(scene, to_m)
+    first, last, end = _ends(scene, to_m)
     nodes, asked = _steps(first, last, _DISTANCES), last
     with step(0, 2, "light"):
         field, light = _field(scene, trace, nodes)
@@ -189,6 +189,7 @@ def working_range(
         attrs={
             "reference_m": first,
             "asked_to_m": asked,
+            "ends": end if to_m is not None and asked < to_m else "",
             "noise": noise,
             "traced": int(trace is not None),
         },
@@ -323,8 +324,8 @@ def _half_radius_read(r: Readings, scene: Scene, z_m: float) -> float:
     return float(np.sqrt(np.log(2) / slope)) if slope > 0 else float("nan")
 
 
-def _ends(scene: Scene, to_m: float | None) -> tuple[float, float]:
-    """Nearest and farthest distance, m."""
+def _ends(scene: Scene, to_m: float | None) -> tuple[float, float, str]:
+    """Nearest and farthest distance, m, and what ends them there."""
     read, end = scene.detector.distances_m, "as asked for"
     first, key = read[0], "planes_m" if scene.detector.positions_m is None else "positions_m"
     last = _BEYOND * read[-1] if to_m is None else to_m
@@ -346,7 +347,7 @@ def _ends(scene: Scene, to_m: float | None) -> tuple[float, float]:
         )  # fmt: skip
     remedy = f"ask for a nearer distance, or give nearer detector.{key}"
     refuse_dark(scene, (first, last), remedy=remedy)
-    return first, last
+    return first, last, end
 
 
 def _steps(first: float, last: float, count: int) -> Array:

@@ -10,6 +10,7 @@ from lightfield.arrays import finite
 from lightfield.scene.lamp.frame import is_tilted
 from lightfield.studies.follower.array_light import LAMP_TILTS
 from lightfield.studies.follower.survey import DOCKING_ASKS
+from lightfield.studies.working_range.poses import ARRAY
 from lightfield.studies.working_range.reaches import POSE_RULES, RELATIVE, Reach
 from lightfield.studies.working_range.study import WorkingRange
 
@@ -39,7 +40,8 @@ def headline(found: WorkingRange) -> str:
 def asked_sentences(found: WorkingRange) -> list[str]:
     """How far was asked, and which light is meant where the lamp does not point along the tank."""
     near, far = (float(found.dataset.z_m[k]) for k in (0, -1))
-    asked = f"Asked from {near:g} to {found.dataset.asked_to_m:.4g} m."
+    ends = found.dataset.attrs["ends"]
+    asked = f"Asked from {near:g} to {found.dataset.asked_to_m:.4g} m{f', {ends}' * bool(ends)}."
     if far < found.dataset.asked_to_m:
         asked += f" Beyond {far:.3g} m too few photons arrive to say how much light is scattered."
     if not is_tilted(found.scene.lamp):
@@ -60,7 +62,9 @@ def array_sentence(found: WorkingRange) -> str:
     if array.layout == "table":
         words = "as in its table"
     else:
-        words = f"{array.count[0]} x {array.count[1]}, {array.size_m:g} m, {shape}"
+        fitted = found.scene.array is None and array.size_m < ARRAY.size_m
+        smaller = f" (not {ARRAY.size_m:g}: so that it fits this tank)" * fitted
+        words = f"{array.count[0]} x {array.count[1]}, {array.size_m:g} m{smaller}, {shape}"
     unknown = ", ".join(f"{name} {_known(name, sigma)}" for name, sigma in found.nuisances.items())
     flat = "" if array.layout == "table" or array.radius_m else " " + FLAT
     return (

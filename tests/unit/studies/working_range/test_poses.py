@@ -5,6 +5,8 @@ from __future__ import annotations
 from lightfield.scene import Scene
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.working_range.poses import ARRAY, array_for
+from lightfield.studies.working_range.study import working_range
+from lightfield.studies.working_range.text import as_text
 
 PLANES = {"planes_m": [0.5, 1.0, 2.0], "width_m": 0.4}
 
@@ -25,3 +27,14 @@ def test_in_an_aquarium_it_is_smaller() -> None:
 def test_the_scenes_own_stays_as_it_is() -> None:
     own = Scene.from_dict({"array": {"count": [3, 3], "size_m": 0.2}})
     assert array_for(own) == own.array
+
+
+def test_what_is_other_than_asked_is_said() -> None:
+    """A tank that ends nearer than is asked, and is too narrow for the array of scenes that have none."""
+    tank = {"width_m": 1.0, "depth_m": 1.0, "length_m": 3.0, "behind_lamp_m": 0.3}
+    short = Scene.from_dict({"lamp": {"hwhm_deg": 5.0}, "tank": tank, "detector": {"planes_m": [0.8, 2.0]}})
+    said = as_text(working_range(short, None, to_m=4.0))
+    assert "Asked from 0.8 to 2.65 m, 0.05 m before the end of the tank." in said
+    assert "(not 0.4: so that it fits this tank)" in said
+    said = as_text(working_range(short.model_copy(update={"tank": None}), None, to_m=4.0))
+    assert "Asked from 0.8 to 4 m." in said and "so that it fits" not in said
