@@ -19,6 +19,8 @@ from lightfield.errors import OutputError
 from lightfield.maps.colour import linear_rgb
 from lightfield.maps.exr import Attribute, SpectralImage, plane_names, write_spectral_exr
 from lightfield.scene import Detector, Scene, Tank
+from lightfield.scene.acts import DIFFUSE
+from lightfield.scene.all_parameters import neutral
 from lightfield.scene.in_tank import plane_size_m
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 from lightfield.storage.inputs import MAPS, check_regular
@@ -84,6 +86,8 @@ def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = N
     for part in ("all", *PARTS):
         name = quantity if part == "all" else f"{quantity}_{part}"
         mean, stderr = rendering.maps(wavelengths_nm, part=part)
+        if part == "diffuse" and neutral(rendering.scene, DIFFUSE) and not np.nan_to_num(mean).any():
+            stderr = 0.0 * mean  # nothing could come
         about = meaning if part == "all" else f"{meaning}, {part} part"
         data[name] = (
             dims,

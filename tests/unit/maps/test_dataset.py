@@ -19,6 +19,7 @@ from lightfield.maps.dataset import (
     write_netcdf,
 )
 from lightfield.maps.exr import read_spectral_exr
+from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 
 
@@ -167,3 +168,14 @@ def test_a_data_set_that_is_damaged_inside_is_said_to_be(dataset, tmp_path) -> N
     file.write_bytes(content)
     with pytest.raises(OutputError, match="damaged or cut short"):
         read_netcdf(file)
+
+
+def test_where_no_diffuse_light_can_come_it_is_nothing_exactly() -> None:
+    """An error without end says that no photon came where one could."""
+    clear = Scene.from_dict({"detector": {"planes_m": [2.0], "pixels": 3, "width_m": 0.3}})
+    turbid = clear.with_values({"water.scattering_per_m": 1e-9})
+    stderr = [
+        to_dataset(render_scene(scene, max_photons=1e3, cache=False)).irradiance_diffuse_stderr.values
+        for scene in (clear, turbid)
+    ]
+    assert (stderr[0] == 0).all() and (stderr[1] > 0).all()

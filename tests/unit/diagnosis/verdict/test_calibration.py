@@ -74,7 +74,8 @@ def test_a_plan_says_which_power_would_be_seen(percent: float) -> None:
 
 def test_a_plan_on_an_absolute_scale_is_that_on_a_relative_one_in_other_units() -> None:
     table, scene = absolute()
-    layout = replace(table, stderr=np.full(len(table.x_m), np.nan))
+    size = len(table.x_m)
+    layout = replace(table, value=np.ones(size), stderr=np.full(size, np.nan))
     one, other = (plan(replace(layout, scale=scale), scene).limits for scale in ("absolute", "relative"))
     assert set(one) == {*other, "lamp_power"}
     unit = SceneForward(scene, layout).predict({}).max()
