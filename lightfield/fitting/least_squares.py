@@ -116,11 +116,9 @@ class Fit:
 
     def at_bound(self) -> NDArray[np.bool_]:
         """Which parameters lie at a bound, shape (n_parameters,); what is held has none."""
-        low, high, start = self.model.low, self.model.high, self.model.start
-        room = high - low
-        # Of a range over many powers of ten, as a lamp's power has it, most lies near its lower end.
-        below, above = (_AT * np.where(way > 0, way, room) for way in (start - low, high - start))
-        return (room > 0) & ((self.u <= low + below) | (self.u >= high - above))
+        room = self.model.high - self.model.low
+        width = _AT * room
+        return (room > 0) & ((self.u <= self.model.low + width) | (self.u >= self.model.high - width))
 
 
 @dataclass(frozen=True)

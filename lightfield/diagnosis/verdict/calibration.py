@@ -30,6 +30,8 @@ from lightfield.fitting.parameter import GAIN
 #: with half of it more are (test_calibration.py).
 AGREES_SIGMA = 3.0
 EFFECT = "lamp_power"
+#: Factor on a lamp's power, to either side, that is looked at once it is known. Chosen: far beyond its error.
+_AROUND = 100.0
 
 
 def by_shape(problem: Problem) -> Problem:
@@ -125,10 +127,10 @@ def on_absolute_scale(
 
 def with_power(prepared: Prepared, finding: SearchResult, tried: ScoredSet, power: Candidate) -> ScoredSet:
     """An explanation with its gain put down to the lamp; the same prediction."""
-    explanation = (*tried.explanation, power)
     known = tried.fit.by_path
-    known[LAMP_POWER] = power.amplitudes[0].start * np.exp(known[GAIN])
-    _check_power(known[LAMP_POWER], power)
+    known[LAMP_POWER] = value = power.amplitudes[0].start * np.exp(known[GAIN])
+    _check_power(value, power)
+    explanation = (*tried.explanation, _near(power, value))
     start = prepared.problem.model(explanation).at(known)
     adequacy = finding.adequacy_of(tried)
     test = tried.test or finding.level.bench.test
@@ -141,6 +143,13 @@ def with_power(prepared: Prepared, finding: SearchResult, tried: ScoredSet, powe
     return replace(
         tried, explanation=explanation, fit=fit, bic=bic, adequacy=adequacy, test=test, errors=errors
     )
+
+
+def _near(power: Candidate, value: float) -> Candidate:
+    """The same with a range about a value: of eight powers of ten all small ones lie at the lower end."""
+    (allowed,) = power.amplitudes
+    low, high = max(allowed.low, value / _AROUND), min(allowed.high, value * _AROUND)
+    return replace(power, amplitudes=(replace(allowed, low=low, high=high),))
 
 
 def _check_power(power_w: float, power: Candidate) -> None:

@@ -12,6 +12,7 @@ from analytic_readings import readings
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
+from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.errors import MeasurementError, UsageError
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import read_table, write_table
@@ -48,8 +49,9 @@ def test_absolute_light_is_the_lamps_power_over_its_solid_angle() -> None:
     assert light == pytest.approx(expected, rel=2e-3), "the narrow beam's solid angle is right to hwhm^2"
 
 
-@pytest.mark.parametrize("factor", [0.4, 100.0])
+@pytest.mark.parametrize("factor", [1e-3, 1e-2, 0.4, 100.0])
 def test_another_lamp_power_is_found(factor: float) -> None:
+    """Also where W are taken for uW: near the lower end of its range it has an error, and is no edge."""
     verdict = diagnose(*absolute(factor), diffuse=None, advise=False).verdict
     assert (verdict.verdict, verdict.effects) == ("identified", ["lamp_power"])
     power = verdict.explanations[0].parameters["lamp.power_w"]
@@ -58,6 +60,7 @@ def test_another_lamp_power_is_found(factor: float) -> None:
     assert verdict.base_p < 0.01
     assert "Your scene's lamp power is contradicted" in verdict.sentence
     assert any(f"{factor:.3g}"[:2] in w and "times what the scene's lamp" in w for w in verdict.warnings)
+    assert not [c for c in verdict.cautions if c.warns is Warns.AT_BOUNDARY]
 
 
 @pytest.mark.parametrize("percent", [3.0, 10.0])

@@ -75,9 +75,7 @@ def test_in_any_unit_of_the_level() -> None:
     unit = np.where(np.arange(len(known.u)) == at, 1e15, 1.0)
     level = known.model.parameters[at]
     base = [*known.model.parameters]
-    base[at] = replace(
-        level, low=level.low / 1e15, high=level.high / 1e15, start=level.start / 1e15, step=level.step / 1e15
-    )
+    base[at] = replace(level, low=level.low / 1e15, high=level.high / 1e15, step=level.step / 1e15)
     model = replace(known.model, parameters=tuple(base))
     slopes = known.jacobian * unit
     fit = replace(known, model=model, u=known.u / unit, differentiate=lambda: slopes)
