@@ -15,6 +15,7 @@ from lightfield.arrays import Array, finite
 from lightfield.diagnosis import ledger
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.certainty import Certainty
+from lightfield.diagnosis.clearer_light import by_clearer_light
 from lightfield.diagnosis.course import Inquiry, course
 from lightfield.diagnosis.other_lamp import by_another_lamp
 from lightfield.diagnosis.problem.setup import source_of, spectral
@@ -320,7 +321,7 @@ def _following(progress: Callable[[str], None] | None) -> SoFar:
 
 def _diagnose(inquiry: Inquiry, advise: bool) -> Diagnosis:
     progress = inquiry.progress
-    outcome, lamp_instead = by_another_lamp(inquiry, course(inquiry))
+    outcome, lamp_instead = by_another_lamp(inquiry, by_clearer_light(inquiry, course(inquiry)))
     known, prepared, finding = outcome.known, outcome.known.prepared, outcome.known.finding
     best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]

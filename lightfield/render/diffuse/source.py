@@ -74,6 +74,7 @@ def response_for(
     photons: int = PHOTONS,
     share: float = 1.0,
     dense_per_m: float | None = None,
+    under_surface: float = UNDER_SURFACE,
     g_nodes: Sequence[float] | None = None,
     seed: int = 0,
     keeper: Keeper = _CACHED,
@@ -92,6 +93,8 @@ def response_for(
         Part of them that is sent out.
     dense_per_m : float, optional, m^-1
         Trace in water that scatters so much, for `DiffuseResponse.with_denser`.
+    under_surface : float
+        Photons for what was reflected under a water surface that the scene does not state, over the others.
     g_nodes : sequence of float, optional
         Of what shapes the phase function, in place of those of `between_g.SHAPES`.
     keeper : Keeper
@@ -140,12 +143,12 @@ def response_for(
         return _light(trace, keeper, walls, ratios)
 
     traced = _traced_scene(scene, width, open_top, lamp_m)
-    own_top, under_surface = one(traced, nodes, needed, round(sent)), None
+    own_top, mirrored = one(traced, nodes, needed, round(sent)), None
     if scene.tank is not None and not open_top:
         # Light that was only scattered is the same under either top.
-        few, surface = round(UNDER_SURFACE * sent), _traced_scene(scene, width, True, lamp_m)
-        under_surface = one(surface, nodes, needed[1:], few)
-    water = TracedWater(own_top, under_surface)
+        few, surface = round(under_surface * sent), _traced_scene(scene, width, True, lamp_m)
+        mirrored = one(surface, nodes, needed[1:], few)
+    water = TracedWater(own_top, mirrored)
     shift = Shift.on(grid, *places, lamp_m, scene.tank)
     return DiffuseResponse(shift, straight_path(traced, grid), walls, water, reflected)
 
