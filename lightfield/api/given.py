@@ -9,7 +9,17 @@ from numbers import Integral, Real
 from os import PathLike, fspath
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Literal,
+    ParamSpec,
+    TypeGuard,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
@@ -91,7 +101,7 @@ def _broken(name: str, annotation: object, value: object) -> str | None:
         words, holds = RANGES.get(name, ("", lambda value: True))
         if not _is_number(value, Integral if kind is int else Real):
             return ", ".join(filter(None, ("a whole number" if kind is int else "a number", words)))
-        return None if holds(float(value)) else words  # type: ignore[arg-type]  # a number, as just seen
+        return None if holds(float(value)) else words
     if origin is Literal:
         return None if value in inside else " or ".join(map(repr, inside))
     if origin is tuple:
@@ -137,17 +147,19 @@ def _broken_path(kinds: tuple[object, ...], value: object) -> str | None:
     return "the path of a file"
 
 
-def _is_number(value: object, kind: type) -> bool:
-    return isinstance(value, kind) and not isinstance(value, bool) and not np.isnan(float(value))  # type: ignore[arg-type]
+def _is_number(value: object, kind: type) -> TypeGuard[Real]:
+    if not isinstance(value, Real) or isinstance(value, bool):
+        return False
+    return isinstance(value, kind) and not np.isnan(float(value))
 
 
-def _is_list(value: object) -> bool:
+def _is_list(value: object) -> TypeGuard[Iterable[object]]:
     """Are there several? A scene is one, though Pydantic lets its parts be iterated over."""
     return isinstance(value, Iterable) and not isinstance(value, (str, bytes, Mapping, Scene))
 
 
 def _listed(value: object) -> list[object]:
-    return list(value) if _is_list(value) else []  # type: ignore[call-overload]
+    return list(value) if _is_list(value) else []
 
 
 def scene_of(scene: Scene | AnyPath, effects_file: AnyPath | None = None) -> Scene:

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from lightfield.progress import duration, heard_by
 
@@ -49,8 +50,8 @@ def told_in_notebook(name: str) -> Iterator[Callable[[str], None]]:
             shown.update({"text/plain": ""}, raw=True)
 
 
-def _display():  # type: ignore[no-untyped-def]  # IPython's own, which need not be installed
+def _display() -> Callable[..., Any] | None:
     """IPython's `display` where a notebook runs this, not a terminal; IPython is there then."""
-    ipython = sys.modules.get("IPython")
-    shell = ipython.get_ipython() if ipython is not None else None
-    return None if getattr(shell, "kernel", None) is None else ipython.display.display  # type: ignore[union-attr]
+    ipython: Any = sys.modules.get("IPython")  # need not be installed
+    shell = None if ipython is None else ipython.get_ipython()
+    return None if getattr(shell, "kernel", None) is None else ipython.display.display

@@ -30,4 +30,4 @@ def _files(parser: argparse.ArgumentParser) -> None:
             for child in action.choices.values():
                 _files(child)
         elif action.type is Path:
-            action.complete = shtab.FILE  # type: ignore[attr-defined]
+            vars(action)["complete"] = shtab.FILE  # shtab's own, which argparse does not declare

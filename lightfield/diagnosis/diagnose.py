@@ -321,7 +321,8 @@ def _following(progress: Callable[[str], None] | None) -> SoFar:
 
 def _diagnose(inquiry: Inquiry, advise: bool) -> Diagnosis:
     progress = inquiry.progress
-    outcome, lamp_instead = by_another_lamp(inquiry, by_clearer_light(inquiry, course(inquiry)))
+    inquiry, outcome = by_clearer_light(inquiry, course(inquiry))
+    outcome, lamp_instead = by_another_lamp(inquiry, outcome)
     known, prepared, finding = outcome.known, outcome.known.prepared, outcome.known.finding
     best = finding.closest
     starts = [finding.level.base, *([best.fit] if best else [])]

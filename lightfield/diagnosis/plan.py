@@ -33,8 +33,8 @@ from lightfield.diagnosis.search.told_apart import (
     Limit,
     at_once,
     detection_limits,
-    hidden_effects,
     isolability,
+    unseen_effects,
 )
 from lightfield.diagnosis.verdict.advice import (
     ROUGH,
@@ -138,7 +138,7 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     whiten = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), whiten, [base.u])
     adequacy = whitened_test(problem, whiten, np.random.default_rng(0))(base)
-    untestable |= hidden_effects(adequacy.scores, adequacy.scores, Hinders.ABSORBED_IN_LAYOUT)
+    untestable |= unseen_effects(adequacy.scores, adequacy.scores, Hinders.ABSORBED_IN_LAYOUT)
     by_gain = power_limits(problem, base, budget.calibration)
     untestable = {name: why for name, why in untestable.items() if name not in by_gain}
     limits = detection_limits(adequacy, 1.0) | by_gain

@@ -30,9 +30,8 @@ def planned(readings: Readings, forward: SceneForward) -> Readings:
             "no light of the scene reaches this layout", where=readings.source or None, found=brightest,
             rule="light above 0 somewhere", remedy="read nearer to the lamp, or check lamp and water",
         )  # fmt: skip
-    value = (
-        light if readings.scale == "absolute" else light / brightest * _largest(readings, light / brightest)
-    )
+    part = light / brightest
+    value = light if readings.scale == "absolute" else _largest(readings, part) * part
     stderr = np.asarray(readings.stderr, float)
     guess = np.hypot(ASSUMED_RELATIVE * value, ASSUMED_FLOOR * value.max())
     return replace(readings, value=value, stderr=np.where(np.isfinite(stderr), stderr, guess))

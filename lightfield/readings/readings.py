@@ -119,9 +119,11 @@ class Readings(Unchecked):
 
 def _term(name: str, given: Any) -> float | None:
     """A term of the error budget."""
-    if given is None or (isinstance(given, Real) and not isinstance(given, bool)):
-        return None if given is None else float(given)
-    raise MeasurementError(f"{name} is no number", found=given, remedy="give a number, or None")
+    if given is None:
+        return None
+    if isinstance(given, bool) or not isinstance(given, Real):
+        raise MeasurementError(f"{name} is no number", found=given, remedy="give a number, or None")
+    return float(given)
 
 
 def _column(name: str, given: Any, size: int) -> NDArray[Any]:

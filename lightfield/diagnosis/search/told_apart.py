@@ -104,7 +104,7 @@ class Limit:
     reachable: bool
 
 
-def hidden_effects(
+def unseen_effects(
     scores: Iterable[Score], seen_by: Iterable[Score], absorbed: Hinders
 ) -> dict[str, tuple[Hindrance, ...]]:
     """Effects of some scores that none of others can show, and why.

@@ -12,7 +12,7 @@ from lightfield.arrays import finite
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.search.told_apart import detection_limits, hidden_effects, nearest_rival
+from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival, unseen_effects
 from lightfield.diagnosis.verdict import verdict_data
 from lightfield.diagnosis.verdict.advice import where_next
 from lightfield.diagnosis.verdict.best_set import unnamed
@@ -164,7 +164,7 @@ def _untestable(basis: VerdictBasis) -> dict[str, tuple[Hindrance, ...]]:
     finding = basis.finding
     of_base = finding.levels[0].adequacy.scores
     scores = (*of_base, *finding.adequacy_of(finding.best).scores)
-    return {**basis.untestable, **hidden_effects(of_base, scores, Hinders.ABSORBED)}
+    return {**basis.untestable, **unseen_effects(of_base, scores, Hinders.ABSORBED)}
 
 
 def _of_best(finding: SearchResult, units: dict[str, str]) -> dict[str, Estimate]:

@@ -43,7 +43,7 @@ class NextMeasurement(Record):
         default_factory=dict, description="where no reading parts them: a check of each effect of one alone"
     )
 
-    @computed_field(description="the same in words")  # type: ignore[prop-decorator]
+    @computed_field(description="the same in words")
     @property
     def sentence(self) -> str:
         return _WORDS[self.asks](self)

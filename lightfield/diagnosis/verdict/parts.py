@@ -233,7 +233,7 @@ class StatedEffect(Record):
         "sure, with this effect free",
     )
 
-    @computed_field(description="`held_by` in words")  # type: ignore[prop-decorator]
+    @computed_field(description="`held_by` in words")
     @property
     def reason(self) -> str | None:
         return in_words(self.held_by) or None

@@ -16,42 +16,42 @@ from lightfield.diagnosis.verdict.words.headline import words_of
 class Verdict(VerdictData):
     """Everything a diagnosis says: data, and the words that follow from it."""
 
-    @computed_field(description="the verdict in words")  # type: ignore[prop-decorator]
+    @computed_field(description="the verdict in words")
     @property
     def sentence(self) -> str:
         return words_of(self).sentence
 
-    @computed_field(description="what was found, alone")  # type: ignore[prop-decorator]
+    @computed_field(description="what was found, alone")
     @property
     def headline(self) -> str:
         return words_of(self).headline
 
-    @computed_field(description="how sure that is, and what took no part, apart from the headline")  # type: ignore[prop-decorator]
+    @computed_field(description="how sure that is, and what took no part, apart from the headline")
     @property
     def support(self) -> list[str]:
         return list(words_of(self).support)
 
-    @computed_field(description="why nothing is named or ruled out whatever was found")  # type: ignore[prop-decorator]
+    @computed_field(description="why nothing is named or ruled out whatever was found")
     @property
     def doubt(self) -> str | None:
         return None if self.reason_to_doubt is None else doubt(self.reason_to_doubt, self.asked)
 
-    @computed_field(description="`hindrances` in words")  # type: ignore[prop-decorator]
+    @computed_field(description="`hindrances` in words")
     @property
     def untestable(self) -> dict[str, str]:
         return {name: in_words(why) for name, why in self.hindrances.items()}
 
-    @computed_field(description="`assumptions` in words")  # type: ignore[prop-decorator]
+    @computed_field(description="`assumptions` in words")
     @property
     def assumed(self) -> list[str]:
         return [str(one) for one in self.assumptions]
 
-    @computed_field(description="those of `warnings` that speak of a mistake")  # type: ignore[prop-decorator]
+    @computed_field(description="those of `warnings` that speak of a mistake")
     @property
     def check_first(self) -> list[str]:
         return [one.sentence for one in self.cautions if one.speaks_of_a_mistake]
 
-    @computed_field(description="`cautions` and `unnamed` in words")  # type: ignore[prop-decorator]
+    @computed_field(description="`cautions` and `unnamed` in words")
     @property
     def warnings(self) -> list[str]:
         best = self.explanations[0].parameters if self.explanations else {}

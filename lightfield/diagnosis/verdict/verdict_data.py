@@ -41,22 +41,22 @@ class Explained(Record):
         default_factory=list, description="every effect of the best set, whatever the verdict"
     )
 
-    @computed_field(description="effects that explain most, whatever the verdict")  # type: ignore[prop-decorator]
+    @computed_field(description="effects that explain most, whatever the verdict")
     @property
     def best_set(self) -> list[str]:
         return [one.effect for one in self.found]
 
-    @computed_field(description="effects that no other set of about as many does without")  # type: ignore[prop-decorator]
+    @computed_field(description="effects that no other set of about as many does without")
     @property
     def certain(self) -> list[str]:
         return [one.effect for one in self.found if one.level == Certainty.CERTAIN]
 
-    @computed_field(description="effects that only sets of more parameters do without")  # type: ignore[prop-decorator]
+    @computed_field(description="effects that only sets of more parameters do without")
     @property
     def simplest(self) -> list[str]:
         return [one.effect for one in self.found if one.level == Certainty.SIMPLEST]
 
-    @computed_field(description="effects that are certain as far as an unexplained rest allows")  # type: ignore[prop-decorator]
+    @computed_field(description="effects that are certain as far as an unexplained rest allows")
     @property
     def partial(self) -> list[str]:
         return [one.effect for one in self.found if one.level == Certainty.PARTIAL]

@@ -131,24 +131,51 @@ def _glitter(lamp: Lamp, tank: Tank, places: np.ndarray, slopes: np.ndarray, ste
     return Glitter(on, np.where(inside, light, 0.0), np.where(inside, part + r2, 0.0))
 
 
-def twice(lamp: Lamp, tank: Tank, places: np.ndarray) -> Glitter:
+def twice(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
     """Light that two facets in a row send to the places, as `glitter`."""
-    point, ahead, power, way = _sent_up_again(lamp, tank)
-    sigma, on = tank.slope, places[:, None] - point
+    first = _sent_up_again(lamp, tank)
+    at_once = max(_AT_ONCE // max(len(first.power), 1), 1)
+    for start in range(0, len(places), at_once):
+        yield _by_second(first, lamp, tank.slope, places[start : start + at_once])
+
+
+class _First(NamedTuple):
+    """Light that a first facet sends up again, k of them.
+
+    Parameters
+    ----------
+    point : array, shape (k, 3), m
+        Where it is met.
+    ahead : array, shape (k, 3)
+        Along what the light flies on.
+    power : array, shape (k,), sr
+    in_water : array, shape (k,), m
+        Way in water.
+    """
+
+    point: Array
+    ahead: Array
+    power: Array
+    in_water: Array
+
+
+def _by_second(first: _First, lamp: Lamp, sigma: float, places: np.ndarray) -> Glitter:
+    """What a second facet at the same place sends on."""
+    on = places[:, None] - first.point
     r2 = np.linalg.norm(on, axis=-1)
     on /= r2[..., None]
-    across = ahead - on
+    across = first.ahead - on
     slope = -across[..., [0, 2]] / across[..., 1:2]
     steep = (slope**2).sum(axis=-1)
     cosine_met = 0.5 * np.linalg.norm(across, axis=-1)
     facets = np.exp(-0.5 * steep / sigma**2) / (2 * pi * sigma**2) * (1 + steep) ** 2
-    light = power * fresnel(cosine_met) * facets / (4 * seen(ahead, sigma) * r2**2)
+    light = first.power * fresnel(cosine_met) * facets / (4 * seen(first.ahead, sigma) * r2**2)
     light *= (on[..., 1] < 0) & before_lamp(lamp, places[:, None, 2])
-    return Glitter(on, light, way + r2)
+    return Glitter(on, light, first.in_water + r2)
 
 
-def _sent_up_again(lamp: Lamp, tank: Tank) -> tuple[Array, Array, Array, Array]:
-    """Where light meets facets that send it up, m, along what, its power, sr, and its way in water, m.
+def _sent_up_again(lamp: Lamp, tank: Tank) -> _First:
+    """Light of a lamp that meets facets which send it up.
 
     Of the facets those alone are drawn, each with its part of all that the light sees: what is drawn changes
     smoothly with the slope of the waves.
@@ -172,7 +199,7 @@ def _sent_up_again(lamp: Lamp, tank: Tank) -> tuple[Array, Array, Array, Array]:
     cosine = np.maximum((to * normal).sum(axis=1), 0.0)
     power = power * part * fresnel(np.maximum(cosine, _LEVEL)) * cosine / (normal[:, 1] * seen(to, sigma))
     length = np.linalg.norm(point - source_point(lamp), axis=1)
-    return point, to - 2 * cosine[:, None] * normal, power, in_water_m(lamp, length, point[:, 2])
+    return _First(point, to - 2 * cosine[:, None] * normal, power, in_water_m(lamp, length, point[:, 2]))
 
 
 def _at_surface(lamp: Lamp, tank: Tank) -> tuple[Array, Array, Array, Array]:

@@ -38,7 +38,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
 
     Grey: wavelengths of what was published of this water.
     """
-    colour, distances = one.ratios.wavelength_nm, np.unique(np.round(one.ratios.path_m, 3))
+    colour, distances = one.ratios.wavelength_nm, np.unique(np.round(one.path_m, 3))
     marker = "o" if len(colour) < 30 else ""
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         value, error = one.percent()
@@ -80,29 +80,29 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
 
 def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
     """ln(water / air) against distance with the fitted straight lines, and what is left over."""
-    r, e = one.ratios, one.estimate
-    order = np.argsort(r.path_m)
+    r, e, here, path_m = one.ratios, one.estimate, one.on_line, one.path_m
+    order = np.argsort(path_m)
     chosen = evenly(len(one.K_per_m), LINES)
     with panels(2, 3.8, narrow=narrow) as (fig, (upper, lower)):
         for k, colour in enumerate(chosen):
             shade = SERIES[k % len(SERIES)]
-            error = np.hypot(r.stderr[:, colour], r.shared_stderr)
-            upper.errorbar(r.path_m, r.y[:, colour], error, color=shade, fmt="o", markersize=4)
-            line = e.theta[colour, 0] - one.K_per_m[colour] * r.path_m
-            upper.plot(r.path_m[order], line[order], color=shade, label=f"{r.wavelength_nm[colour]:g} nm")
+            error = np.hypot(r.stderr[:, colour], r.shared_stderr)[here]
+            upper.errorbar(path_m, r.y[here, colour], error, color=shade, fmt="o", markersize=4)
+            line = e.theta[colour, 0] - one.K_per_m[colour] * path_m
+            upper.plot(path_m[order], line[order], color=shade, label=f"{r.wavelength_nm[colour]:g} nm")
         cut = f"{len(chosen)} of {len(one.K_per_m)} wavelengths" if len(chosen) < len(one.K_per_m) else None
         legend_under(upper, columns=3, title=cut)
         label(upper, "path in water (m)", "ln(water / air)", "Straight lines, to the eye")
-        scaled = e.residual / r.stderr
+        scaled = (e.residual / r.stderr)[here]
         for colour in range(scaled.shape[1]):
-            lower.plot(r.path_m, scaled[:, colour], ".", color=DATA, alpha=0.4, markersize=4)
+            lower.plot(path_m, scaled[:, colour], ".", color=DATA, alpha=0.4, markersize=4)
         lower.axhline(0, color=MUTED, linewidth=0.8)
-        stays = 100 * e.beta[: len(r.stay_stderr)]
+        stays, stay = 100 * e.beta[: len(r.stay_stderr)], r.stay[here]
         decimals = 1 if np.abs(stays).max() >= SMALL_PERCENT else 2
-        for k, value in enumerate(stays):
+        for k, value in ((k, stays[k]) for k in np.unique(stay)):
             told = minus(f"{value:+.{decimals}f} %")
             lower.annotate(
-                told, (r.path_m[r.stay == k].mean(), 0.97), ha="center", va="top",
+                told, (path_m[stay == k].mean(), 0.97), ha="center", va="top",
                 xycoords=("data", "axes fraction"), fontsize=8.5, color=FORMULA,
             )  # fmt: skip
         lower.margins(x=0.09)

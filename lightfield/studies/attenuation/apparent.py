@@ -7,6 +7,7 @@ of the loss, and does so along a line that is straight to the eye.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -57,6 +58,11 @@ class Apparent:
     set_aside: str = ""
 
     @property
+    def path_m(self) -> Array:
+        """Straight paths in water to the places that K is of, m."""
+        return self.ratios.path_m[self.on_line]
+
+    @property
     def K_per_m(self) -> Array:
         """Attenuation, shape (n_colours,), 1/m."""
         return self.estimate.theta[:, 1]
@@ -98,7 +104,7 @@ class Apparent:
     def stray(self) -> str:
         """The ratio that makes most of the misfit, in words; nothing where none does."""
         found = _stray(self.ratios, self.estimate, self.on_line)
-        return "" if found is None else found[0]
+        return "" if found is None else found.words
 
     @property
     def misfit_p(self) -> float:
@@ -117,7 +123,7 @@ class Apparent:
     def dataset(self) -> xr.Dataset:
         """All numbers with their errors; covariance = diag(own^2) + modes @ modes^T."""
         estimate, r = self.estimate, self.ratios
-        distances = np.unique(np.round(r.path_m, 3))
+        distances = np.unique(np.round(self.path_m, 3))
         over, per_metre = [self.percent(float(d)) for d in distances], self.percent()
         colour, far = ("wavelength_nm",), ("wavelength_nm", "distance_m")
         own, error = np.sqrt(estimate.own[:, 1, 1]), "its standard error"
@@ -150,8 +156,9 @@ class Apparent:
 def apparent_attenuation(ratios: Ratios) -> Apparent:
     """Fit alpha - K s to the logarithms of all colours at once.
 
-    Where they lie on no straight lines, one ratio is set aside if the others do without it; else K is that of
-    the places nearest to the beam's axis, if these do: beside the beam scattered light is what is read.
+    Where they lie on no straight lines, one ratio is set aside if the others do without it, some at its own
+    distance among them: alone there, it may be the line that bends. Else K is that of the places nearest to
+    the beam's axis, if these do: beside the beam scattered light is what is read.
 
     Parameters
     ----------
@@ -164,9 +171,9 @@ def apparent_attenuation(ratios: Ratios) -> Apparent:
         found = _fitted(ratios, places)
         if not misfit_p(found.chi2, found.dof) <= POOR_FIT:
             return Apparent(ratios, found.widened(), places)
-        words, without, fit = _stray(ratios, found, places) or ("", ratios, found)
-        if misfit_p(fit.chi2, fit.dof) > POOR_FIT:
-            return Apparent(without, fit.widened(), places, words)
+        stray = _stray(ratios, found, places)
+        if stray is not None and stray.among_others and misfit_p(stray.fit.chi2, stray.fit.dof) > POOR_FIT:
+            return Apparent(stray.without, stray.fit.widened(), places, stray.words)
     return Apparent(ratios, _fitted(ratios, whole).widened(), whole)
 
 
@@ -180,8 +187,18 @@ def _nearest_to_axis(ratios: Ratios) -> Mask:
     return np.asarray((aside <= least[ratios.stay]) & (aside <= beam))
 
 
-def _stray(ratios: Ratios, found: JointEstimate, places: Mask) -> tuple[str, Ratios, JointEstimate] | None:
-    """The ratio that makes most of a misfit in words, the ratios without it, and their fit.
+class _Stray(NamedTuple):
+    """A ratio that makes most of a misfit: in words, what is left without it, the fit of that, and whether
+    others were read at its distance, which then do not stray."""
+
+    words: str
+    without: Ratios
+    fit: JointEstimate
+    among_others: bool
+
+
+def _stray(ratios: Ratios, found: JointEstimate, places: Mask) -> _Stray | None:
+    """The ratio that makes most of a misfit.
 
     Tried without each of those that are farthest off: a wild one at an end bends the line towards itself.
     """
@@ -206,7 +223,8 @@ def _stray(ratios: Ratios, found: JointEstimate, places: Mask) -> tuple[str, Rat
     nm, path_m = ratios.wavelength_nm[colour], ratios.path_m[row]
     over = float(np.expm1(ratios.y[row, colour] - fit.theta[colour] @ [1.0, -path_m]))
     side = f"{100 * abs(over):.2g} % {'above' if over > 0 else 'below'} the line of the rest"
-    return f"through {path_m:.3g} m of water at {nm:g} nm, {side}", without, fit
+    beside = np.isfinite(fit.residual[ratios.stay == ratios.stay[row]]).any()
+    return _Stray(f"through {path_m:.3g} m of water at {nm:g} nm, {side}", without, fit, bool(beside))
 
 
 def _fitted(ratios: Ratios, places: Mask) -> JointEstimate:

@@ -81,7 +81,7 @@ def loss_sentence(one: Apparent) -> str:
 
 def table_rows(one: Apparent) -> list[list[str]]:
     """Wavelength, K, per cent per metre, and per cent over the nearest and farthest distance, as text."""
-    near, far = float(one.ratios.path_m.min()), float(one.ratios.path_m.max())
+    near, far = float(one.path_m.min()), float(one.path_m.max())
     columns = [one.percent(), one.percent(near), one.percent(far)]
     return [
         [
@@ -95,7 +95,7 @@ def table_rows(one: Apparent) -> list[list[str]]:
 
 def table_head(one: Apparent) -> tuple[str, ...]:
     """Heads of `table_rows`."""
-    near, far = float(one.ratios.path_m.min()), float(one.ratios.path_m.max())
+    near, far = float(one.path_m.min()), float(one.path_m.max())
     return ("nm", "K (1/m)", "lost per m", f"lost over {near:.3g} m", f"lost over {far:.3g} m")
 
 
@@ -104,7 +104,11 @@ def fit_sentence(one: Apparent) -> str:
     e = one.estimate
     if e.dof <= 0:
         return "Two distances: nothing is left to test the straight line with."
-    text = f"chi-square {e.chi2:.1f} for {e.dof} degrees of freedom (p = {one.misfit_p:.2g}): straight lines "
+    places = f"Of the {one.on_line.sum()} of {len(one.on_line)} places nearest to the beam's axis: "
+    without = f"Without one ratio of readings ({one.set_aside}): "
+    about = places * (not one.on_line.all()) + without * bool(one.set_aside)
+    chi2 = f"chi-square {e.chi2:.1f} for {e.dof} degrees of freedom (p = {one.misfit_p:.2g})"
+    text = f"{about}{chi2}: straight lines "
     if one.misfit_p > POOR_FIT:
         return text + "fit. That does not show that Beer-Lambert holds: scattered light keeps them straight."
     width, bends = float(one.ratios.seen.width_nm.max()), []
@@ -338,10 +342,10 @@ def _one_distance_lines(one: Apparent) -> list[str]:
     r = one.ratios
     if r.reference != "air":
         return []
-    shift = np.nanmean(one.one_distance() - one.K_per_m, axis=1)
+    shift, path_m = np.nanmean(one.one_distance() - one.K_per_m, axis=1)[one.on_line], one.path_m
     shown = ", ".join(
-        f"{shift[at]:+.3f} per m at {r.path_m[at]:.3g} m"
-        for at in (int(np.argmin(r.path_m)), int(np.argmax(r.path_m)))
+        f"{shift[at]:+.3f} per m at {path_m[at]:.3g} m"
+        for at in (int(np.argmin(path_m)), int(np.argmax(path_m)))
     )
     return [f"from one distance alone, gain and window uncorrected: K off by {shown}"]
 

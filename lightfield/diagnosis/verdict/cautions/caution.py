@@ -146,12 +146,12 @@ class Caution(Record):
     values: dict[str, float] = Field(default_factory=dict, description="the numbers it rests on, by name")
     table: LoadWarning | None = Field(None, description="what the table's own checks say, where it is that")
 
-    @computed_field(description="`table` in words: what is the matter, and what would help")  # type: ignore[prop-decorator]
+    @computed_field(description="`table` in words: what is the matter, and what would help")
     @property
     def said(self) -> str | None:
         return None if self.table is None else str(self.table)
 
-    @computed_field(description="the caution in words")  # type: ignore[prop-decorator]
+    @computed_field(description="the caution in words")
     @property
     def sentence(self) -> str:
         return _WORDS[self.warns].format(about=self.about, said=self.said, **self.values)

@@ -110,9 +110,9 @@ class Poses:
 
     @property
     def last_known(self) -> str:
-        """Where the follower was seen last, as a sentence; nothing where it never was."""
+        """Where the follower was seen last, as a sentence; nothing where no reading fits the light."""
         times = zip(self.time_s, self.estimates, strict=True)
-        seen = [(time, one.pose, one.total) for time, one in times if not one.lost and one.total is not None]
+        seen = [(time, one.pose, one.total) for time, one in times if one.fits and one.total is not None]
         if not seen:
             return ""
         time, pose, total = seen[-1]
@@ -140,10 +140,12 @@ class Poses:
         """What is to be done about elements that look dead, as a sentence; nothing where none does."""
         if not self.silent:
             return ""
-        are = "is" if len(self.silent) == 1 else "are"
+        what, read, them = (
+            ("element", "reads", "it") if len(self.silent) == 1 else ("elements", "read", "them")
+        )
         return (
-            f"{', '.join(self.silent)} {are} 0 throughout, and without it readings fit that do not with it: "
-            "leave the cells of a dead element empty"
+            f"{what} {', '.join(self.silent)} {read} 0 throughout, and readings that do not fit do without "
+            f"{them}: leave the cells of a dead element empty"
         )
 
     @property

@@ -321,6 +321,7 @@ def test_dead_elements_are_left_empty_and_those_that_are_not_are_named(tmp_path:
     path = written(tmp_path / "way.csv", np.where(np.arange(25) == 7, 0.0, readings))
     wrong = poses_of(path, SCENE, SPACE, photons=0)
     assert wrong.silent == ("e8",) and "leave the cells of a dead element empty" in wrong.as_text()
+    assert wrong.misfits == 2 and wrong.last_known == ""
     lines = path.read_text().splitlines()
     at = lines[0].split(",").index("e8")
     emptied = [
