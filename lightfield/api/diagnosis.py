@@ -39,6 +39,8 @@ LADDER = {
 class Diagnosis(Result[diagnosing.Diagnosis]):
     """What `diagnose` found."""
 
+    _sent_instead = "its .verdict or .scene, and write its .report(path) where it was made"
+
     @property
     def verdict(self) -> Verdict:
         """All that it says, as data: `verdict.effects`, `verdict.found`, `verdict.ladder`, ..."""

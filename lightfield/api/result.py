@@ -55,8 +55,20 @@ class Result(ABC, Generic[Details]):
         stays the same from version to version.
     """
 
+    #: Of an answer that holds more than can go to another process: what goes there instead.
+    _sent_instead = ""
+
     def __init__(self, details: Details) -> None:
         self.details = details
+
+    def __getstate__(self) -> dict[str, Any]:
+        if self._sent_instead:
+            raise UsageError(
+                "holds more than can be pickled", where=type(self).__name__,
+                rule="what goes to another process, or into a copy, is plain data",
+                remedy=f"hand over {self._sent_instead}",
+            )  # fmt: skip
+        return vars(self)
 
     @property
     @abstractmethod

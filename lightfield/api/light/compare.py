@@ -78,6 +78,8 @@ class Comparison(Result[comparing.Comparison]):
 class Fit(Result[fitting.FitReport]):
     """A model refitted to readings, and where it fails."""
 
+    _sent_instead = "its .scene, .as_data() or .to_pandas(), and write its .report(path) where it was made"
+
     @property
     def scene(self) -> Scene:
         """The fitted scene."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +69,8 @@ def answers(table, diagnosis, maps):
 
 #: Whose pages other tests make; all are drawn in the slow tier.
 DRAWN_ELSEWHERE = {"diagnosis", "comparison", "range", "attenuation", "survey", "arrays"}
+#: What holds all that it rests on, and goes to no other process.
+HEAVY = {"diagnosis", "fit"}
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -83,6 +86,13 @@ def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, map
         assert answer.to_xarray().sizes, name
         shown = answer._repr_html_()
         assert shown.startswith("<div>") and shown.count("<tr") <= 14 and len(shown) < 5000, name
+        if name in HEAVY:
+            with pytest.raises(
+                lf.LightfieldError, match=f"{type(answer).__name__}: holds more than can be pi"
+            ):
+                pickle.dumps(answer)
+        else:
+            assert pickle.loads(pickle.dumps(answer)).as_data() == answer.as_data(), name
         if name not in DRAWN_ELSEWHERE:
             page = answer.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
             assert "</html>" in page and "<svg" in page, name
@@ -123,6 +133,11 @@ def test_a_diagnosis_in_python_is_that_of_the_command(table, diagnosis):
     np.testing.assert_allclose(rows.value, readings.value)
     np.testing.assert_allclose(rows.residual_sigma * rows.sigma, rows.value - rows.model, atol=1e-12)
     assert rows.base_model.sub(rows.value).std() > 2 * rows.model.sub(rows.value).std()
+
+
+def test_what_a_diagnosis_says_goes_to_other_processes(diagnosis):
+    assert pickle.loads(pickle.dumps(diagnosis.verdict)) == diagnosis.verdict
+    assert pickle.loads(pickle.dumps(diagnosis.scene)) == diagnosis.scene
 
 
 def test_the_inside_of_a_diagnosis_and_readings_are_brief_too(table, diagnosis):
