@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"FAIL: {result.problem}")
         return 1
     _line("known case", "irradiance on a plate that faces a uniformly bright sphere")
-    _line("rendered", f"{result.value:.5f} +- {result.stderr:.5f} W m^-2")
+    _line("rendered", f"{result.value:.5f} ± {result.stderr:.5f} W m^-2")
     _line("known", f"{result.known:.5f} W m^-2 (difference {result.z:+.2f} standard errors)")
     print("PASS" if result.passed else "FAIL: the rendered value is not the known one")
     return 0 if result.passed else 1

@@ -34,7 +34,7 @@ def as_text(verdict: Verdict) -> str:
             if rung.rendered_error_percent is not None:
                 about = f"{_short(rung.rendered_error_percent):>9}"
                 if rung.rendered_stderr_percent:  # none where nothing was traced
-                    about += f" +- {_short(rung.rendered_stderr_percent)}"
+                    about += f" ± {_short(rung.rendered_stderr_percent)}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
     lines += _found(verdict.found)
@@ -75,7 +75,7 @@ def as_text(verdict: Verdict) -> str:
 def _values(parameters: Mapping[str, Estimate]) -> str:
     """Values with their errors; without gains, amplitudes of a curve, and what they make void."""
     return ", ".join(
-        f"{path} = {e.value:.4g} " + (f"+- {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
+        f"{path} = {e.value:.4g} " + (f"± {e.stderr:.2g}" if e.stderr is not None else f"({e.reason})")
         for path, e in parameters.items()
         if not is_gain(path) and not path.rpartition(".")[2].isdigit() and means_something(path, parameters)
     )

@@ -85,7 +85,7 @@ def following_page(found: Following) -> str:
     lead = [f"{run_by}. The pose comes from the readings alone, by maximum likelihood and a Kalman filter."]
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
-    return page(title, f"{found.in_words('±')}.", lead, sections, first.scene, origin)
+    return page(title, f"{found.verdict}.", lead, sections, first.scene, origin)
 
 
 def _run_by(one: Followed) -> str:

@@ -197,14 +197,14 @@ class BiasStudy:
         lines = [
             "bias of the formula along the beam on the axis, mm (believed less true distance), at z = "
             + ", ".join(f"{v:g}" for v in z)
-            + " m; +- noise of one reading"
+            + " m; ± noise of one reading"
         ]
         for b in self.axis.scattering_per_m.values:
             lines.append(f"scattering {b:g} 1/m")
             for name in self.axis.calibration.values:
                 one = self.axis.sel(scattering_per_m=b, calibration=name)
                 cells = [
-                    f"{round(1e3 * v):+d} +- {1e3 * s:.0f}"
+                    f"{round(1e3 * v):+d} ± {1e3 * s:.0f}"
                     if is_told("z", max(abs(v), s))
                     else "not determined"
                     for v, s in zip(one.bias_z.values, one.sigma_z.values, strict=True)

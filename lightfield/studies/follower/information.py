@@ -120,7 +120,7 @@ class Bound:
         x, y, z, yaw, pitch, _ = in_degrees(self.pose)
         known = ", ".join(
             _words(name, value)
-            + (f" +- {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) and is_told(name, value) else "")
+            + (f" ± {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) and is_told(name, value) else "")
             for name, value in self.sigma.items()
         )
         return f"x {x:g}, y {y:g}, z {z:g} m, yaw {yaw:g}, pitch {pitch:g} deg: {known}"
@@ -160,9 +160,9 @@ def bound(
     return bounds_together(model, np.asarray(pose)[None], names, noise, nuisances)[0]
 
 
-def doubt_in_words(doubt: float, sign: str = "±") -> str:
+def doubt_in_words(doubt: float) -> str:
     """A relative error of the trace as it stands behind a number; nothing where nothing was traced."""
-    return f" {sign} {max(100 * doubt, 0.1):.2g} %" if doubt else ""
+    return f" ± {max(100 * doubt, 0.1):.2g} %" if doubt else ""
 
 
 def with_doubt(

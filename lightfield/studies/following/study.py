@@ -108,10 +108,6 @@ class Followed:
     @property
     def verdict(self) -> str:
         """One sentence."""
-        return self.in_words("+-")
-
-    def in_words(self, between: str) -> str:
-        """The verdict, with this sign between a value and its scatter."""
         found, mission = self.spreads, self.mission
         believes = f"{self.name}: a follower that believes {self.believed}"
         count = len(self.track.contact)
@@ -131,7 +127,7 @@ class Followed:
             return f"{believes} never learns where it is: no reading of the array tells its whole pose"
         z = found["standoff_at_end" if mission.turbid_factor != 1 or mission.dark_for_s else "standoff"]
         off = z.mean - mission.standoff_m
-        stands = f"{believes} stands at {_pm(z, between)} m where {mission.standoff_m:g} m was asked"
+        stands = f"{believes} stands at {_pm(z)} m where {mission.standoff_m:g} m was asked"
         if self.through_walls:
             return f"{stands}, and drives through a wall of the tank in {self.through_walls} of {count} runs"
         if found["outside"].mean > 0:
@@ -191,7 +187,7 @@ class Followed:
             else:
                 text = f"{_pm(one)} {unit}"
                 if np.isfinite(one.error):
-                    text += f" (mean +- {one.error:.2g})"
+                    text += f" (mean ± {one.error:.2g})"
             lines.append(f"  {plain(name):<18} {text:<32} {meaning}")
         return "\n".join(lines)
 
@@ -242,19 +238,15 @@ class Following:
     @property
     def verdict(self) -> str:
         """One sentence for all."""
-        return self.in_words("+-")
-
-    def in_words(self, between: str) -> str:
-        """The verdict, with this sign between a value and its scatter."""
         asked = {one.mission.standoff_m for one in self.cases}
         docks = any(one.mission.task == "dock" for one in self.cases)
         if len(self.cases) == 1 or docks or len(asked) > 1:
-            return ". ".join(one.in_words(between) for one in self.cases)
+            return ". ".join(one.verdict for one in self.cases)
         parts = []
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
             alike = [one for one in self.cases if one.mission.believes == believes]
             stands = ", ".join(
-                f"{_pm(one.spreads['standoff_at_end'], between)} m ({one.name}"
+                f"{_pm(one.spreads['standoff_at_end'])} m ({one.name}"
                 f"{', through a wall of the tank' if one.through_walls else ''})"
                 for one in alike
             )
@@ -355,11 +347,11 @@ def with_belief(scene: Scene, believes: str) -> Scene:
     return scene
 
 
-def _pm(one: OverRuns, between: str = "+-") -> str:
+def _pm(one: OverRuns) -> str:
     if not np.isfinite(one.scatter):
         return f"{one.mean:.3g}"
     digits = int(np.clip(2 - np.floor(np.log10(one.scatter)) - 1, 0, 4)) if one.scatter > 0 else 2
-    return f"{one.mean:.{digits}f} {between} {one.scatter:.{digits}f}"
+    return f"{one.mean:.{digits}f} ± {one.scatter:.{digits}f}"
 
 
 def _listed(values: Array) -> list[list[float | None]]:

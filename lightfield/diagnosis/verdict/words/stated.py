@@ -40,7 +40,7 @@ def _bound(entry: StatedEffect, path: str) -> str:
 
 
 def _value(estimate: Estimate) -> str:
-    error = "" if estimate.stderr is None else f" +- {float(f'{estimate.stderr:.2g}'):g}"
+    error = "" if estimate.stderr is None else f" ± {float(f'{estimate.stderr:.2g}'):g}"
     return in_unit(f"{estimate.value:.4g}{error}", estimate.unit)
 
 

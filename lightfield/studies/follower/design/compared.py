@@ -143,7 +143,7 @@ class JudgedArray:
             f"{n} {1e3 * s:.3g} mm" if n in POSE[:3] else f"{n} {np.degrees(s):.3g} deg"
             for n, s in self.sigma.items()
         )
-        doubt = f"A {self.criterion:8.3g}{doubt_in_words(self.doubt, '+-')}"
+        doubt = f"A {self.criterion:8.3g}{doubt_in_words(self.doubt)}"
         return f"{self.name:<32} {len(self.elements):>3} elements  {doubt}  rms {known}"
 
 

@@ -124,7 +124,7 @@ class PoseEstimate:
                 words.append(f"{name} unknown")
             elif name in sigma:
                 unit, s = ("m", sigma[name]) if name in POSE[:3] else ("deg", np.degrees(sigma[name]))
-                words.append(f"{name} {value:.3f} +- {s:.3f} {unit}")
+                words.append(f"{name} {value:.3f} ± {s:.3f} {unit}")
         tested = len(self.total.readings) > len(sigma)
         fit = (
             f"chi2 {self.chi2:.0f}, probability {self.probability:.2g}"

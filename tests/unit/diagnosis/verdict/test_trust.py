@@ -87,7 +87,7 @@ def test_none_says_what_would_have_been_seen_at_which_noise() -> None:
     verdict = verdict_on(table, scene)
     sentence, fitted = verdict.sentence, verdict.ladder[-1].parameters["water.absorption_per_m"]
     (told,) = [line for line in as_text(verdict).splitlines() if line.startswith("fitted: ")]
-    assert f"water.absorption_per_m = {fitted.value:.4g} +- {fitted.stderr:.2g}" in told
+    assert f"water.absorption_per_m = {fitted.value:.4g} ± {fitted.stderr:.2g}" in told
     assert "gain" not in told
     assert "At a noise of 1.1 % of a bright reading (its own part as stated), background above" in sentence
     tilt = verdict_on(unstated(table), scene, only=["beam_tilt"]).sentence

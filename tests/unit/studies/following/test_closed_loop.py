@@ -301,7 +301,7 @@ def test_a_page_and_its_data(tmp_path: Path) -> None:
     data = found.as_data()["cases"][0]
     assert data["metrics"]["standoff"]["by_run"] == found.cases[0].runs["standoff"].tolist()
     assert found.cases[0].dataset()["pose"].sizes == {"time_s": 11, "run": 2, "coordinate": 6}
-    assert "standoff" in found.as_text() and "+-" in found.as_text()
+    assert "standoff" in found.as_text() and "±" in found.as_text()
     single = OverRuns.of(np.array([1.0, np.nan]))
     assert single.runs == 1 and np.isnan(single.error)
 

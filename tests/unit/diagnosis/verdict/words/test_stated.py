@@ -20,5 +20,5 @@ def test_a_size_far_from_the_stated_one_is_not_passed_over(far: float | None, to
         sigma_to_remove=3.2,
     )
     (line,) = stated_lines([entry])
-    assert "0.29 +- 0.07 fitted, 0.03 stated" in line
+    assert "0.29 ± 0.07 fitted, 0.03 stated" in line
     assert ("2.9 sigma apart" in line) is told
