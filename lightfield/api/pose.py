@@ -46,14 +46,15 @@ class Poses(ToldByDetails[sequence.Poses]):
         )
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row per reading: pose with its standard deviations, m and degrees, and whether it fits."""
+        """A row per reading: pose with its standard deviations, m and degrees, whether it fits, and whether
+        another pose does as well."""
         units = with_units(POSE)
         rows = []
         for time, one in zip(self.details.time_s, self.details.estimates, strict=True):
             row: dict[str, Any] = {"time_s": float(time), "status": "light lost" if one.lost else one.status}
             if not one.lost and one.total is not None:
                 row |= dict(zip(units, in_degrees(one.pose).tolist(), strict=True))
-                row |= sigma_columns(one.total.sigma)
+                row |= {**sigma_columns(one.total.sigma), "ambiguous": one.ambiguous}
             rows.append(row)
         keys = [key for row in rows for key in row]
         return pd.DataFrame(rows, columns=list(dict.fromkeys(["time_s", "status", *units, *keys])))

@@ -5,7 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Literal, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic_core import to_jsonable_python
 
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
@@ -16,6 +21,8 @@ from lightfield.storage.files import output_file
 
 #: Of the light on its axis, above which the end of a lamp's table is told; up to where a table may end dark.
 _BRIGHT_END, _ALL_ROUND = 0.01, math.radians(89.0)
+#: Letters of a choice that are shown.
+_SHORT = 48
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -84,19 +91,43 @@ def _assignment(text: str) -> tuple[str, object]:
 
 
 def as_text(scene: Scene) -> str:
-    """Every parameter with value and unit; `*` marks what departs from neutral."""
+    """Every parameter with value and unit, and every choice; `*` marks what departs from neutral."""
     lines = [f"{scene.name or 'scene'}: valid, digest {scene.digest()[:16]}", ""]
-    for path, parameter in scene.parameters().items():
-        value = scene.get(path)
-        mark = " " if parameter.neutral is None or value == parameter.neutral else "*"
-        shown = f"{parameter.value:g}" if value is None else value
-        lines.append(f"{mark} {path:<34} {shown!s:>12} {parameter.unit or '':<8} {parameter.meaning}")
+    numbers = scene.parameters()
+    choices = {path: (value, meaning) for path, value, meaning in _fields(scene) if value is not None}
+    for path in dict.fromkeys([*(path for path, *_ in _fields(scene)), *numbers]):
+        if (parameter := numbers.get(path)) is not None:
+            value = scene.get(path)
+            mark = " " if parameter.neutral is None or value == parameter.neutral else "*"
+            shown = f"{parameter.value:g}" if value is None else str(value)
+            lines.append(f"{mark} {path:<34} {shown:>12} {parameter.unit or '':<8} {parameter.meaning}")
+        elif path in choices:
+            value, meaning = choices[path]
+            lines.append(f"  {path:<34} {_short(value):>12}".ljust(58) + f" {meaning}")
     lines += ["", "* departs from its neutral value"]
     if unused := _unused(scene):
         lines.append(f"stated, but not used: {', '.join(unused)}")
     if scene.lamp.profile == "table" and (left := _left_at_end(scene)) > _BRIGHT_END:
         lines.append(f"the lamp's table ends at {100 * left:.0f} % of the light on its axis: beyond is none")
     return "\n".join(lines)
+
+
+def _fields(part: BaseModel, prefix: str = "") -> Iterator[tuple[str, object, str]]:
+    """Dotted path, value and meaning of all that a scene's parts hold, in the order of a scene file."""
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        if isinstance(value, BaseModel):
+            yield from _fields(value, f"{prefix}{name}.")
+        elif prefix:
+            among = get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+            others = [f"({', '.join(map(str, among))})"] if len(among) > 1 else []
+            yield f"{prefix}{name}", value, " ".join([field.description or "kind", *others])
+
+
+def _short(value: object) -> str:
+    """A choice in a few words."""
+    text = value if isinstance(value, str) else json.dumps(to_jsonable_python(value))
+    return text if len(text) <= _SHORT else f"{text[: _SHORT - 4]} ..."
 
 
 def _unused(scene: Scene) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import hypot
 from typing import Annotated, Literal
 
 import numpy as np
@@ -89,7 +90,9 @@ class DetectorArray(Part):
             raise RuleError(
                 f"at most {MOST_ELEMENTS} elements", "a smaller count", found={"count": [*self.count]}
             )
-        reach = 0.5 * self.size_m * (2**0.5 if self.layout == "grid" else 1.0)
+        steps = max(self.count) - 1
+        diagonal = hypot(self.count[0] - 1, self.count[1] - 1) / steps if steps else 0.0
+        reach = 0.5 * self.size_m * (diagonal if self.layout == "grid" else 1.0)
         if self.layout in ("grid", "ring") and self.radius_m and reach >= self.radius_m:
             raise RuleError(
                 f"an array reaches less far from its middle ({reach:.4g} m) than the sphere that it lies on",

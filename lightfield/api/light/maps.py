@@ -98,15 +98,17 @@ class Maps(Result[xr.Dataset]):
         return self.details[names].to_dataframe().reset_index()
 
     def summary(self) -> pd.DataFrame:
-        """A row per plane and wavelength: brightest cell, and the median relative error of the cells."""
+        """A row per plane or position and wavelength: brightest cell, and the cells' median relative error."""
         data, error = self.details[self.quantity], self._relative_error()
+        places = ("z_m",) if "z_m" in self.details.dims else ("x_m", "y_m", "z_m")
+        at = np.stack([np.atleast_1d(self.details[name].values) for name in places], axis=1)
         unit = data.attrs["units"]
         rows = []
         for w, wavelength in enumerate(self.details.wavelength_nm.values):
-            for k, z in enumerate(np.atleast_1d(self.details.z_m.values)):
+            for k, place in enumerate(at.tolist()):
                 rows.append({
                     "wavelength_nm": float(wavelength),
-                    "z_m": float(z),
+                    **dict(zip(places, place, strict=True)),
                     f"largest ({unit})": float(np.nanmax(data.values[w, k])),
                     "median_error_percent": 100 * float(np.nanmedian(error[w, k])),
                 })  # fmt: skip

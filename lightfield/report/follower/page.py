@@ -147,8 +147,8 @@ def arrays_page(found: Arrays) -> str:
         [
             one.name,
             str(len(one.elements)),
-            f"{one.criterion:.3g}{doubt_in_words(one.doubt)}",
-            *(f"{SHOWN[n][1] * s:.3g}" for n, s in one.sigma.items()),
+            one.told_criterion,
+            *(f"{SHOWN[n][1] * s:.3g}" if is_told(n, s) else "unknown" for n, s in one.sigma.items()),
         ]
         for one in found.arrays
     ]

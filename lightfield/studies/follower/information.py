@@ -119,7 +119,7 @@ class Bound:
         """One line."""
         x, y, z, yaw, pitch, _ = in_degrees(self.pose)
         known = ", ".join(
-            _words(name, value)
+            sigma_in_words(name, value)
             + (f" ± {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) and is_told(name, value) else "")
             for name, value in self.sigma.items()
         )
@@ -131,7 +131,8 @@ def is_told(name: str, sigma: float) -> bool:
     return bool(sigma < (NOTHING_M if name in POSE[:3] else NOTHING_RAD))
 
 
-def _words(name: str, sigma: float) -> str:
+def sigma_in_words(name: str, sigma: float) -> str:
+    """A coordinate with its standard deviation, m or rad."""
     if not is_told(name, sigma):
         return f"{name} unknown"
     return f"{name} {1000 * sigma:.3g} mm" if name in POSE[:3] else f"{name} {np.degrees(sigma):.3g} deg"

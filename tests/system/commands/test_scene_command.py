@@ -40,6 +40,13 @@ def test_listing_shows_values_and_marks_what_departs_from_neutral(capsys, scene_
     assert "0.25" in lines["water.scattering_per_m"]
     assert lines["water.scattering_per_m"].startswith("*")
     assert lines["lamp.tilt_x_deg"].startswith(" ")
+    assert "gaussian" in lines["lamp.profile"] and "super-gaussian" in lines["lamp.profile"]
+    assert "[4.5, 8.5]" in lines["detector.planes_m"]
+    fields = Scene.load(scene_file).model_dump(mode="json", exclude_none=True)
+    stated = {
+        f"{part}.{name}" for part in ("lamp", "water", "tank", "detector") for name in fields.get(part, {})
+    }
+    assert stated - {"water.phase"} <= set(lines)
 
 
 def test_get_prints_the_number(capsys, scene_file):

@@ -61,6 +61,16 @@ def test_what_cannot_be_built_is_refused(array: dict[str, object], says: str) ->
         Scene.from_dict({"array": array})
 
 
+def test_a_grid_reaches_as_far_as_its_corners() -> None:
+    """Of 4 by 2 elements over 0.35 m 0.184 m, of 4 by 4 0.247 m."""
+    wide = {"count": [4, 2], "size_m": 0.35}
+    elements = elements_of(Scene.from_dict({"array": {**wide, "radius_m": 0.19}}).array)
+    across = np.hypot(*elements.place_m[:, :2].T)
+    assert across.max() == pytest.approx(0.5 * 0.35 * np.hypot(1, 1 / 3))
+    with pytest.raises(SceneError, match=r"0\.1845 m"):
+        Scene.from_dict({"array": {**wide, "radius_m": 0.18}})
+
+
 @pytest.mark.parametrize("text", ["x_m,y_m,z_m,nx,ny,nz\n", "x_m,y_m\n1,2\n", TABLE + "0,0,0,nan,0,1\n"])
 def test_tables_that_are_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "elements.csv").write_text(text)

@@ -20,8 +20,14 @@ from lightfield.studies.defaults import TASK
 from lightfield.studies.follower.array_light import ArrayModel, Light, Space, light_of, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
-from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.information import TASK_UNITS, doubt_in_words, jackknife, nuisances_of
+from lightfield.studies.follower.information import (
+    TASK_UNITS,
+    doubt_in_words,
+    is_told,
+    jackknife,
+    nuisances_of,
+    sigma_in_words,
+)
 from lightfield.studies.follower.survey import array_of
 
 Task = Literal["formation", "docking"]
@@ -139,12 +145,15 @@ class JudgedArray:
         }
 
     def as_text(self) -> str:
-        known = ", ".join(
-            f"{n} {1e3 * s:.3g} mm" if n in POSE[:3] else f"{n} {np.degrees(s):.3g} deg"
-            for n, s in self.sigma.items()
-        )
-        doubt = f"A {self.criterion:8.3g}{doubt_in_words(self.doubt)}"
-        return f"{self.name:<32} {len(self.elements):>3} elements  {doubt}  rms {known}"
+        known = ", ".join(sigma_in_words(name, sigma) for name, sigma in self.sigma.items())
+        return f"{self.name:<32} {len(self.elements):>3} elements  A {self.told_criterion:>8}  rms {known}"
+
+    @property
+    def told_criterion(self) -> str:
+        """A with its error; unknown where a coordinate is."""
+        if not all(is_told(name, sigma) for name, sigma in self.sigma.items()):
+            return "unknown"
+        return f"{self.criterion:.3g}{doubt_in_words(self.doubt)}"
 
 
 def judged_array(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:

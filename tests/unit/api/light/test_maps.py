@@ -29,6 +29,16 @@ def test_a_plane_is_told_by_its_brightest_cell_and_its_error(maps: Maps) -> None
     assert told["median_error_percent"].to_numpy() == pytest.approx(100 * NOISE * np.ones(3), rel=0.01)
 
 
+def test_positions_are_told_where_they_are(maps: Maps) -> None:
+    """Also those at one distance."""
+    cells = maps.details.isel(z_m=[0]).stack(position=("z_m", "y_m", "x_m"))
+    places = cells.reset_index("position").isel(position=[3, 4, 40])
+    told = Maps(places).summary()
+    for name in ("x_m", "y_m", "z_m"):
+        np.testing.assert_array_equal(told[name], places[name])
+    assert told["x_m"][0] != told["x_m"][1] and told["z_m"].nunique() == 1
+
+
 def test_every_cell_is_a_row(maps: Maps) -> None:
     table, data = maps.to_pandas(), maps.to_xarray()
     assert len(table) == 3 * 9 * 9

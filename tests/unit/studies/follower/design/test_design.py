@@ -86,3 +86,9 @@ def test_arrays_of_scenes_are_sorted() -> None:
     found = compare_arrays(scene, {"round": other}, Space.of_scene(scene), photons=0)
     assert [one.name for one in found.arrays] == ["round", "flat"]
     assert found.as_data()["arrays"][1]["elements"] == 25 and "flat" in found.as_text()
+
+
+def test_of_an_array_that_leaves_a_coordinate_unknown_no_criterion_is_told() -> None:
+    line = judged_array("pair", grid((2, 1), 0.1), SETTING).as_text()
+    assert "A  unknown" in line and "yaw unknown" in line
+    assert "unknown" not in judged_array("", on_sphere(grid((5, 5), 0.4), 0.32), SETTING).as_text()
