@@ -98,7 +98,7 @@ class Maps(Result[xr.Dataset]):
         return self.details[names].to_dataframe().reset_index()
 
     def summary(self) -> pd.DataFrame:
-        """A row per plane or position and wavelength: brightest cell, and the cells' median relative error."""
+        """A row per plane or position and wavelength: brightest cell, and the cells' median error."""
         data, error = self.details[self.quantity], self._relative_error()
         places = ("z_m",) if "z_m" in self.details.dims else ("x_m", "y_m", "z_m")
         at = np.stack([np.atleast_1d(self.details[name].values) for name in places], axis=1)

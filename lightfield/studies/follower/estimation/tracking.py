@@ -83,6 +83,8 @@ class Filter:
     considered : int
         Independent constants, e of them, that readings may be off by and that are not sought: how unlike the
         elements are. How well all else is known allows for them (Schmidt 1966, Adv. Control Syst. 3, 293).
+    patience : int
+        Readings in a row that are not used before it begins anew.
 
     Attributes
     ----------
@@ -94,7 +96,13 @@ class Filter:
     """
 
     def __init__(
-        self, names: Sequence[str], count: int = 1, beside: Sequence[float] = (), considered: int = 0
+        self,
+        names: Sequence[str],
+        count: int = 1,
+        beside: Sequence[float] = (),
+        considered: int = 0,
+        *,
+        patience: int = MOST_REFUSED,
     ) -> None:
         self.at = [POSE.index(name) for name in names]
         n, self._beside = len(self.at), np.array(beside, float)
@@ -103,6 +111,7 @@ class Filter:
         self.state, self.covariance = np.zeros((count, size)), np.zeros((count, size, size))
         self._shared = np.zeros((count, size, considered))  # covariance with what is considered
         self.known, self.refused = np.zeros(count, bool), np.zeros(count, int)
+        self._patience = patience
 
     @property
     def poses(self) -> Array:
@@ -125,7 +134,7 @@ class Filter:
     @property
     def sees_nothing_familiar(self) -> Mask:
         """Vehicles whose filter begins anew with the next reading, shape (count,)."""
-        return ~self.known | (self.refused >= MOST_REFUSED)
+        return ~self.known | (self.refused >= self._patience)
 
     def predict(self, seconds: float) -> None:
         """Move the states on."""
