@@ -92,9 +92,7 @@ class Arrays(ToldByDetails[compared.Arrays]):
 
     @property
     def headline(self) -> str:
-        best, worst = self.details.arrays[0], self.details.arrays[-1]
-        gain = (worst.criterion / best.criterion) ** 0.5
-        return f"{best.name} knows the pose {gain:.2g} times as well as {worst.name}"
+        return self.details.verdict
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """A, the sum of the variances of the pose, over that of the worst."""

@@ -236,11 +236,11 @@ class Together(ToldByDetails[expected.Together]):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The chance of every effect to be certain."""
-        from lightfield.report.plots import plot_bars
+        from lightfield.report.plots import plot_chances
 
         found = self.details.expected
         chances = np.array([one.certain for one in found])
-        return plot_bars(ax, [one.effect for one in found], chances, ("chance to be certain", ""))
+        return plot_chances(ax, [one.effect for one in found], chances, "chance to be certain")
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per effect: sigma to remove, gap, chances, level."""

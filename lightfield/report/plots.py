@@ -248,14 +248,25 @@ def plot_sweep(ax: Axes | None, data: xr.Dataset, axes: Sequence[str], name: str
 
 
 def plot_bars(ax: Axes | None, names: Sequence[str], part: Array, words: tuple[str, str]) -> Axes:
-    """Bars over a line at 1: what is known over what is asked for; infinite: unknown."""
+    """Bars up and down from a line at 1: what is known over what is asked for; infinite: unknown."""
     ax = axes_for(ax)
     known = np.where(np.isfinite(part), part, np.nan)
-    ax.bar(range(len(names)), known, color=RENDER)
+    ax.bar(range(len(names)), known - 1, bottom=1, color=RENDER)
     for k in np.flatnonzero(~np.isfinite(part)).tolist():
         ax.text(k, 1.1, "unknown", ha="center", va="bottom", color=MUTED, rotation=90)
     ax.axhline(1, color=FORMULA, linestyle=DASH)
     ax.set_yscale("log")
-    ax.set_xticks(range(len(names)), list(names))
+    ax.set_xticks(range(len(names)), [plain(name) for name in names])
     label(ax, "", *words)
+    plain_log_axis(ax.yaxis)
+    return ax
+
+
+def plot_chances(ax: Axes | None, names: Sequence[str], chance: Array, what: str) -> Axes:
+    """Bars of chances, per cent."""
+    ax = axes_for(ax)
+    ax.bar(range(len(names)), 100 * np.asarray(chance), color=RENDER)
+    ax.set_ylim(0, 100)
+    ax.set_xticks(range(len(names)), [plain(name) for name in names])
+    label(ax, "", f"{what} (%)", "")
     return ax

@@ -142,7 +142,7 @@ def survey_page(survey: Survey) -> str:
 
 def arrays_page(found: Arrays) -> str:
     """Page of `array compare` and `array optimise`."""
-    best, worst = found.arrays[0], found.arrays[-1]
+    best = found.arrays[0]
     rows = [
         [
             one.name,
@@ -179,13 +179,8 @@ def arrays_page(found: Arrays) -> str:
             places,
         ),
     ]  # fmt: skip
-    verdict = (
-        f"{len(best.elements)} elements ({best.name}) know the pose "
-        f"{np.sqrt(worst.criterion / best.criterion):.2g} times "
-        f"as well as the {len(worst.elements)} of {worst.name}."
-    )
     lead = [
         "Compared by A: the sum of the variances of the pose in units of 1 cm across, 10 cm along, 1 degree."
     ]
     origin = [("light", light_in_words(found.traced)), ("task", found.task)]
-    return page("Detector arrays", verdict, lead, sections, found.scene, origin)
+    return page("Detector arrays", f"{found.verdict}.", lead, sections, found.scene, origin)

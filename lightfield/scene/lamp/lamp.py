@@ -80,7 +80,7 @@ class Lamp(Part):
     apparent_distance_m: float = number(
         0.0, "m",
         "distance z0 behind the window, along the tank, from which the light seems to come (a lamp that is "
-        "turned about its window is offset by -z0 sin(tilt) too); below 0 in front of it, as where a range "
+        "turned about its window is offset by -z0 tan(tilt) too); below 0 in front of it, as where a range "
         "scale reads too long",
         Acts.BEAM | Acts.SOURCE, low=-1.0, high=50.0, neutral=0.0,
     )  # fmt: skip

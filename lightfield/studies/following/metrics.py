@@ -20,19 +20,19 @@ END_S = 10.0
 BACK_M = np.array([DOCKING["x"], DOCKING["z"]])
 #: Name, unit and meaning of every metric.
 METRICS: dict[str, tuple[str, str]] = {
-    "standoff": ("m", "distance from the lamp along the beam, once settled"),
+    "standoff": ("m", "distance from the lamp along the beam, after the first third"),
     "standoff_at_end": ("m", f"the same in the last {END_S:g} s"),
-    "standoff_rms": ("m", "root mean square of distance kept less distance asked for, once settled"),
-    "across_rms": ("m", "root mean square of the distance from the axis, once settled"),
-    "yaw_rms": ("deg", "root mean square of the turn away from the lamp, once settled"),
-    "belief_less_truth": ("m", "distance believed less true distance, mean once settled"),
+    "standoff_rms": ("m", "root mean square of distance kept less distance asked for, after the first third"),
+    "across_rms": ("m", "root mean square of the distance from the axis, after the first third"),
+    "yaw_rms": ("deg", "root mean square of the turn away from the lamp, after the first third"),
+    "belief_less_truth": ("m", "distance believed less true distance, mean after the first third"),
     "belief_scatter": ("m", "scatter of that from reading to reading"),
     "overshoot": (
         "m",
-        "farthest beyond the distance asked for, before it settled; on either side where it begins there",
+        "farthest beyond the distance asked for in the first third; on either side where it begins there",
     ),
     "nearest": ("m", "least distance from the lamp"),
-    "effort": ("N", "root mean square of the horizontal thrust, once settled"),
+    "effort": ("N", "root mean square of the horizontal thrust, after the first third"),
     "without_light": ("s", "time in which no element saw light"),
     "doubtful": ("%", "readings that do not fit the light that is believed in, three in a row"),
     "outside": ("s", "time outside the space in which the light is known: numbers of such a run mean little"),

@@ -149,11 +149,14 @@ class JudgedArray:
         return f"{self.name:<32} {len(self.elements):>3} elements  A {self.told_criterion:>8}  rms {known}"
 
     @property
+    def is_told(self) -> bool:
+        """Is every coordinate known at all?"""
+        return all(is_told(name, sigma) for name, sigma in self.sigma.items())
+
+    @property
     def told_criterion(self) -> str:
         """A with its error; unknown where a coordinate is."""
-        if not all(is_told(name, sigma) for name, sigma in self.sigma.items()):
-            return "unknown"
-        return f"{self.criterion:.3g}{doubt_in_words(self.doubt)}"
+        return "unknown" if not self.is_told else f"{self.criterion:.3g}{doubt_in_words(self.doubt)}"
 
 
 def judged_array(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:
@@ -174,6 +177,16 @@ class Arrays:
     arrays: list[JudgedArray]
     task: str
     traced: bool
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: the best beside the worst."""
+        best, worst = self.arrays[0], self.arrays[-1]
+        about = f"{len(best.elements)} elements ({best.name}) know the pose"
+        if not worst.is_told:
+            return f"{about} best; of the {len(worst.elements)} of {worst.name} some of it is unknown"
+        times = (worst.criterion / best.criterion) ** 0.5
+        return f"{about} {times:.2g} times as well as the {len(worst.elements)} of {worst.name}"
 
     def as_data(self) -> dict[str, Any]:
         return {"task": self.task, "arrays": [one.as_data() for one in self.arrays]}
