@@ -48,8 +48,13 @@ class Link(OverAxes[linking.Link], ToldInWords[linking.Link]):
 
     def summary(self) -> pd.DataFrame:
         """How far, in every water."""
-        reaches = self.details.reaches.items()
-        return pd.DataFrame([{"water": name, **asdict(reach)} for name, reach in reaches])
+        rows = []
+        for name, reach in self.details.reaches.items():
+            told, dock = {"water": name, **asdict(reach)}, reach.docking
+            del told["docking"]
+            docking = {"docking_m": dock.z_m, "docking_stderr_m": dock.stderr_m}
+            rows.append({**told, **docking, "docking_formula_m": dock.formula_m})
+        return pd.DataFrame(rows)
 
     def _page(self) -> str:
         from lightfield.report.link import link_page

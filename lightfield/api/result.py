@@ -8,6 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
+import numpy as np
+
 from lightfield.errors import UsageError
 from lightfield.storage.files import write_text
 
@@ -39,6 +41,8 @@ class Words(Protocol):
 Details = TypeVar("Details")
 Told = TypeVar("Told", bound=Says)
 
+#: How names of columns end, by the unit in a data set.
+IN_NAMES = {"m": "_m", "rad": "_deg", "deg": "_deg"}
 #: Rows and columns of a table that a notebook shows of an answer.
 MOST_ROWS, MOST_COLUMNS = 12, 12
 #: Characters of a `repr`.
@@ -159,8 +163,13 @@ class OverAxes(Result[Details]):
         """The numbers over their axes."""
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row per place on the axes of `to_xarray`."""
-        return self.to_xarray().to_dataframe().reset_index()
+        """A row per place on the axes of `to_xarray`; angles in degrees, units in the names."""
+        data = self.to_xarray()
+        units = {str(name): str(one.attrs.get("units")) for name, one in data.data_vars.items()}
+        angles = {name: np.degrees(data[name]) for name, unit in units.items() if unit == "rad"}
+        ends = {name: IN_NAMES[unit] for name, unit in units.items() if unit in IN_NAMES}
+        named = {name: name if name.endswith(end) else f"{name}{end}" for name, end in ends.items()}
+        return data.assign(angles).rename(named).to_dataframe().reset_index()
 
 
 class ToldByDetails(Result[Told]):

@@ -58,7 +58,9 @@ class Sweep(Result[xr.Dataset]):
 
     def as_data(self) -> dict[str, Any]:
         axes = {name: self.details[name].values.tolist() for name in axes_of(self.details)}
-        return {"store": str(self.path), "axes": axes, "cases": self.to_pandas().to_dict("records")}
+        table = self.to_pandas()
+        cases = table.astype(object).where(table.notna(), None).to_dict("records")
+        return {"store": str(self.path), "axes": axes, "cases": cases}
 
     def plot(self, ax: Axes | None = None, *, quantity: str | None = None) -> Axes:
         """A derived quantity on the first plane against the longest axis, a line per step of the next.

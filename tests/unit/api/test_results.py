@@ -51,6 +51,7 @@ def answers(table, diagnosis, maps):
     water = lf.attenuation([tank / "spectra.csv"], [tank / "spectra.toml"], trace=False)
     surveyed = lf.array.show(follower, trace=False)
     arrays = lf.array.compare(follower, {"flat": follower.with_name("flat.toml")}, trace=False)
+    biased = lf.pose.bias(follower, trace=False)
     return {
         "maps": (maps, 3 * 9 * 9),
         "comparison": (Comparison(compare(maps.details), maps), 3),
@@ -63,6 +64,7 @@ def answers(table, diagnosis, maps):
         "band": (banded, 2 * banded.to_xarray().sizes["low_nm"]),
         "attenuation": (water, water.to_xarray().sizes["wavelength_nm"]),
         "arrays": (arrays, 2),
+        "bias": (biased, biased.to_xarray()["bias_z"].size),
         "survey": (surveyed, surveyed.to_xarray()["A"].size),
     }
 
@@ -133,6 +135,13 @@ def test_a_diagnosis_in_python_is_that_of_the_command(table, diagnosis):
     np.testing.assert_allclose(rows.value, readings.value)
     np.testing.assert_allclose(rows.residual_sigma * rows.sigma, rows.value - rows.model, atol=1e-12)
     assert rows.base_model.sub(rows.value).std() > 2 * rows.model.sub(rows.value).std()
+
+
+def test_angles_in_tables_are_degrees_and_names_of_lengths_say_metres():
+    found = lf.array.show(SCENES / "leader_follower" / "clear.toml", trace=False)
+    table, data = found.to_pandas(), found.to_xarray()
+    for name, unit in (("sigma_x_m", 1.0), ("sigma_yaw_deg", np.degrees(1.0))):
+        np.testing.assert_allclose(table[name], unit * data[name.rpartition("_")[0]].values.ravel())
 
 
 def test_what_a_diagnosis_says_goes_to_other_processes(diagnosis):
