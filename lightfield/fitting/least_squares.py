@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -74,10 +74,11 @@ class Fit:
         """Coordinates by path."""
         return dict(zip(self.paths, self.u.tolist(), strict=True))
 
-    def covariance(self, scale: float = 1.0) -> Array:
-        """Covariance of the coordinates, shape (n_parameters, n_parameters); NaN rows where undetermined."""
+    def covariance(self, scale: float = 1.0, held: Collection[str] = ()) -> Array:
+        """Covariance of the coordinates, shape (n_parameters, n_parameters); NaN rows where undetermined, and
+        of those that are held, by path."""
         norm = np.linalg.norm(self.jacobian, axis=0)
-        moving = (norm > 0) & ~self.at_bound()
+        moving = (norm > 0) & ~self.at_bound() & np.array([path not in held for path in self.paths], bool)
         out = np.full((len(norm), len(norm)), np.nan)
         if not moving.any():
             return out

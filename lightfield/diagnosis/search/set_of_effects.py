@@ -11,6 +11,7 @@ import numpy as np
 from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
 from lightfield.diagnosis.problem.problem import Explanation
+from lightfield.fitting.effects.registry import curves
 from lightfield.fitting.least_squares import Fit
 
 SetKey = frozenset[tuple[str, str]]
@@ -106,13 +107,18 @@ class ScoredSet:
 
     @property
     def undetermined(self) -> bool:
-        """Is the error of an amplitude wider than what is plausible of it?"""
-        amplitudes = {p.path for c in self.explanation for p in c.amplitudes}
+        """Is the error of an amplitude wider than what is plausible of it? Of a curve, of every one: gain and
+        width of the beam make up for single ones."""
         errors = self.fit.stderr(self.scale)
-        return any(
-            not errors[p.path] <= p.width(u)
+        wide = {
+            p.path: not errors[p.path] <= p.width(u)
             for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
-            if p.path in amplitudes and not p.is_held
+            if not p.is_held
+        }
+        return any(
+            (all if c.name in curves() else any)(wide[p.path] for p in c.amplitudes if p.path in wide)
+            for c in self.explanation
+            if any(p.path in wide for p in c.amplitudes)
         )
 
     def reaching(self, values: Mapping[str, float], errors: Mapping[str, float]) -> ScoredSet:

@@ -6,7 +6,7 @@ the gap to the best set without it does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -265,19 +265,22 @@ def _at_edge(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     forms = _forms(pool, node, candidate)
     # The range of the width is chosen; where it lies at its end all sets are compared there. Where its error
     # reaches there it may be without end, and what is known of directions is what is found beside it.
-    open_ = candidate.effect.of_direction and width_reaches_its_end(pool, node)
+    # A curve and the width make up for each other, and are one beam: of the curve it is asked as it is.
+    held = {p.path for p in candidate.amplitudes if candidate.name == BEAM_PROFILE}
+    open_ = candidate.effect.of_direction and width_reaches_its_end(pool, node, held)
     at_end = any(p.path in node.bounded for c in forms for p in c.amplitudes)
     return at_end or open_ or WIDTH in node.bounded or absorbs_nothing(pool, node)
 
 
-def width_reaches_its_end(pool: Pool, node: FittedSet) -> bool:
-    """Does the beam's width lie within one of its errors of an end of its range?"""
+def width_reaches_its_end(pool: Pool, node: FittedSet, held: Collection[str] = ()) -> bool:
+    """Does the beam's width, beside parameters that are held, lie within one of its errors of an end of its
+    range?"""
     fit = node.fit
     if WIDTH not in fit.paths:
         return False
     i = fit.paths.index(WIDTH)
     parameter, u = fit.model.parameters[i], float(fit.u[i])
-    sigma = float(np.sqrt(fit.covariance(pool.ground.phi)[i, i]))
+    sigma = float(np.sqrt(fit.covariance(pool.ground.phi, held)[i, i]))
     return min(u - parameter.low, parameter.high - u) < sigma
 
 

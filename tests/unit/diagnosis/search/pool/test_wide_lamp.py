@@ -10,7 +10,7 @@ from toy_problem import Linear
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.search.pool.evidence import width_reaches_its_end
-from lightfield.diagnosis.search.set_of_effects import FittedSet
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.fitting.least_squares import least_squares
 from lightfield.fitting.parameter import FitParameter, Model
 from lightfield.readings import Readings
@@ -50,6 +50,34 @@ def test_whether_a_width_may_be_without_end(sigma: float, reaches: bool) -> None
     fit = least_squares(Model(forward, (width,)), readings, lambda r: r / (2 * sigma), [60.0], np.ones(4))
     pool = SimpleNamespace(ground=SimpleNamespace(phi=1.0))
     assert width_reaches_its_end(pool, FittedSet((), fit)) == reaches
+
+
+def test_beside_a_curve_that_makes_up_for_it_a_width_is_as_known_as_with_the_curve_as_it_is() -> None:
+    """Two columns that are alike to 1 %: an error of 1 degree with the other held, of 100 without."""
+    along = np.array([1.0, 1.0, 1.0, 1.0])
+    forward = Linear({"lamp.hwhm_deg": along, "curve": along + 0.01 * np.array([1.0, -1.0, 1.0, -1.0])})
+    width = FitParameter("lamp.hwhm_deg", 1.0, 80.0, 60.0, 1e-3)
+    curve = FitParameter("curve", -200.0, 200.0, 1.0, 1e-3)
+    readings = 75.0 * along
+    fit = least_squares(Model(forward, (width, curve)), readings, lambda r: r / 2, [74.0, 1.0], np.ones(4))
+    errors = [np.sqrt(fit.covariance(held=held)[0, 0]) for held in ((), ("curve",))]
+    np.testing.assert_allclose(errors, [100.0, 1.0], rtol=0.01)
+    pool, node = SimpleNamespace(ground=SimpleNamespace(phi=1.0)), FittedSet((), fit)
+    assert width_reaches_its_end(pool, node) and not width_reaches_its_end(pool, node, {"curve"})
+
+
+@pytest.mark.parametrize(("name", "unknown"), [("beam_profile", False), ("background", True)])
+def test_a_curve_is_determined_where_any_of_its_amplitudes_is(name: str, unknown: bool) -> None:
+    """The width makes up for the first of two."""
+    along, across = np.array([1.0, 1.0, 1.0, 1.0]), np.array([1.0, 1.0, -1.0, -1.0])
+    alike = along + 0.01 * np.array([1.0, -1.0, 1.0, -1.0])
+    forward = Linear({"lamp.hwhm_deg": along, "first": alike, "second": across})
+    width = FitParameter("lamp.hwhm_deg", 1.0, 800.0, 60.0, 1e-3)
+    both = tuple(FitParameter(path, -20.0, 20.0, 1.0, 1e-3) for path in ("first", "second"))
+    model = Model(forward, (width, *both))
+    fit = least_squares(model, 75.0 * along, lambda r: r / 2, [74.0, 1.0, 0.0], np.ones(4))
+    candidate = SimpleNamespace(name=name, amplitudes=both)
+    assert ScoredSet((candidate,), fit, 0.0).undetermined == unknown  # type: ignore[arg-type]  # stands in
 
 
 def test_a_tilt_of_nine_degrees_is_found() -> None:
