@@ -229,8 +229,8 @@ def _of_any_number(known: Knowledge) -> Knowledge:
 
 
 def _beside_unknowns(known: Knowledge) -> Knowledge | None:
-    """What explains the readings beside a local unknown, if something does that may be believed; not of many
-    readings, nor of what is no beam."""
+    """What explains the readings beside a local unknown, or without the one that led there, if something does
+    that may be believed; not of many readings, nor of what is no beam."""
     if known.problem.layout.size > MANY or _doubt(known) not in (None, DoubtReason.SET_ASIDE):
         return None
     known.inquiry.progress("effects beside local unknowns")
@@ -241,8 +241,12 @@ def _beside_unknowns(known: Knowledge) -> Knowledge | None:
     ends = misses_by_far(data.budget.tolerance)
     found = replace(known, data=data, prepared=prepared).with_more_effects(ends)
     names, best = tuple(dict.fromkeys(c.name for c in unknown)), found.finding.best
-    if best is None or set(names).isdisjoint(best.names) or _doubt(found) is not None:
+    if best is None or _doubt(found) is not None:
         return None
+    if set(names).isdisjoint(best.names):  # an unknown led to what does without it
+        there = replace(known.prepared, explanation=best.explanation, reference=best.fit)
+        more = replace(known, prepared=there).with_more_effects()
+        return more if more.finding.accepted else None
     return found.now(found.prepared, replace(found.finding, unknown=names))
 
 

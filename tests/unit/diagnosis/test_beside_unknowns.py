@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -11,9 +13,12 @@ import pytest
 from analytic_readings import readings
 from scipy import special
 
+from lightfield.diagnosis import course
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.local_unknowns import left_by_an_unknown
+from lightfield.diagnosis.search.cascade import SearchResult
+from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.verdict import json_schema
 from lightfield.readings import Readings
 
@@ -203,3 +208,21 @@ def test_noise_leaves_nearly_all_beside_a_ripple(serial: float) -> None:
     # As much of what the model can follow by itself is nobody's.
     assert left_by_an_unknown(layout, swing, light, keep, swing[:, None] + np.zeros((1, 1))) == 1.0
     assert left_by_an_unknown(layout, noise + swing, light, keep, none) == pytest.approx(0.2, abs=0.1)
+
+
+def test_what_an_unknown_led_to_is_kept_where_it_does_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that missed a set is made once more beside unknowns, and finds one that holds none of them."""
+    hidden = {"detector.background": BACKGROUND, "lamp.offset_x_m": OFFSET_M, "lamp.drift_per_hour": 0.2}
+    table, believed = readings(hidden, seed=4)
+    asked, search = list[int](), course.beyond_two
+
+    def missed_first(*given: Any) -> tuple[Prepared, SearchResult]:
+        prepared, finding = search(*given)
+        asked.append(len(given[0].problem.candidates))
+        missed = replace(finding, size=None, accepted=[], weights=[])
+        return prepared, missed if len(asked) == 1 else finding
+
+    monkeypatch.setattr(course, "beyond_two", missed_first)
+    verdict = diagnose(table, believed, diffuse=None, only=FEW, advise=False).verdict
+    assert sorted(verdict.best_set) == ["background", "beam_offset", "lamp_drift"]
+    assert verdict.verdict == "identified" and len(asked) == 3 and asked[1] > asked[2] == asked[0]
