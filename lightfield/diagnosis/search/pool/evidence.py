@@ -14,6 +14,7 @@ import numpy as np
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.gains_or_water import ABSORPTION, water_may_do_it
@@ -36,6 +37,10 @@ PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
 #: set is called very strong (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572). With half of it one
 #: of ten campaigns is told other alternatives, with twice none.
 FAMILY = 10.0
+#: Where scattered light is known by the trace of the search alone its errors may pass for effects of
+#: so many sigma. Chosen: beside an oval lamp off its place, in readings without noise, they made an apparent
+#: source of 12.
+ROUGH_LIGHT = 15.0
 #: Readings tell the scene's absorption from none by so many standard errors. Chosen: water whose scene is a
 #: quarter off ends at none by chance in one of ten thousand.
 _TELLS = 5.0
@@ -198,7 +203,8 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     elif beyond or _at_edge(pool, best, candidate) or _only_contained(name, pool.best()):
         level = Certainty.ONE_OF
     else:
-        most = Certainty.SIMPLEST if other_lamp else Certainty.CERTAIN
+        rough = sigma < ROUGH_LIGHT and is_of_the_search_alone(pool.problem, best.fit)
+        most = Certainty.SIMPLEST if other_lamp or rough else Certainty.CERTAIN
         level = _weaker(_claim(gap, gap_named, gap_plus), most)
     return Evidence(
         candidate, level, float(sigma), gap, gap_named, gap_plus, min(less, key=weighing.above, default=None),
