@@ -51,7 +51,8 @@ SLOPES = 0.01
 
 @pytest.fixture(scope="module")
 def field() -> TracedField:
-    return traced_field(SCENE, Region(0.9, 3.4, 9.8), photons=1e7)
+    """Of 1e7 photons bounds at 8.5 m were 0.77 to 0.97 degrees over three seeds, with errors of 3 to 10 %."""
+    return traced_field(SCENE, Region(0.9, 3.4, 9.8), photons=6e7)
 
 
 def water(field: TracedField, b: float) -> TracedField:
