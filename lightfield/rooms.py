@@ -3,6 +3,7 @@
 import sys
 from importlib import import_module
 from types import ModuleType
+from typing import Any
 
 
 class _Room(ModuleType):
@@ -12,7 +13,7 @@ class _Room(ModuleType):
         return self.__wrapped__(*args, **given)
 
     @property
-    def __wrapped__(self):  # type: ignore[no-untyped-def]  # what `inspect.signature` asks for
+    def __wrapped__(self) -> Any:  # what `inspect.signature` asks for
         house, _, name = self.__name__.rpartition(".")
         return getattr(import_module(f"{house}.{sys.modules[house].PUBLIC[name]}"), name)
 

@@ -7,6 +7,7 @@ import multiprocessing
 import signal
 import threading
 from collections.abc import Callable
+from functools import partial
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, Protocol, TypeVar
@@ -102,22 +103,19 @@ class Worker:
         loop = asyncio.get_running_loop()
         future: asyncio.Future[Made] = loop.create_future()
 
-        def settle(value: Made | None, error: BaseException | None) -> None:
-            if future.done():
-                return
-            if error is not None:
-                future.set_exception(error)
-            else:
-                future.set_result(value)  # type: ignore[arg-type]
+        def settle(give: Callable[[], None]) -> None:
+            if not future.done():
+                give()
 
         def run() -> None:
-            value, error, self.tell = None, None, tell
+            self.tell = tell
+            give: Callable[[], None]
             try:
-                value = what()
-            except Exception as found:
-                error = found
+                give = partial(future.set_result, what())
+            except Exception as error:
+                give = partial(future.set_exception, error)
             if not loop.is_closed():
-                loop.call_soon_threadsafe(settle, value, error)
+                loop.call_soon_threadsafe(settle, give)
 
         self._waiting.put(run)
         return await future

@@ -57,7 +57,7 @@ class Session:
     readings: Readings | None = None
     diffuse: DiffuseSource | str | None = "trace"
     dense_per_m: float | None = None
-    verdict: Mapping[str, object] | None = None
+    verdict: Mapping[str, Any] | None = None
     report: str | None = None
     comparison: str | None = None
     say: Tell = silent
@@ -280,7 +280,7 @@ class Session:
         FitError
             There is no such explanation.
         """
-        offered = list(self.verdict["explanations"]) if self.verdict else []  # type: ignore[call-overload]
+        offered = list(self.verdict["explanations"]) if self.verdict else []
         if at >= len(offered):
             raise FitError("there is no such explanation", found=at, remedy="diagnose first")
         one = offered[at]

@@ -162,8 +162,9 @@ def _extra(
 def acts_of(model: type[BaseModel], name: str) -> Acts:
     """What a field acts on; nothing, where it is not declared (names and descriptions)."""
     extra = model.model_fields[name].json_schema_extra
-    stages = extra.get("acts_on", []) if isinstance(extra, dict) else []
-    return reduce(or_, (Acts[str(stage).upper()] for stage in stages), Acts(0))  # type: ignore[union-attr]
+    stages = extra.get("acts_on") if isinstance(extra, dict) else None
+    named = stages if isinstance(stages, list) else []
+    return reduce(or_, (Acts[str(stage).upper()] for stage in named), Acts(0))
 
 
 @cache

@@ -140,7 +140,7 @@ def map_figure(survey: Survey, narrow: bool = False) -> Figure:
 
 
 def comparison_figure(arrays: Sequence[JudgedArray], narrow: bool = False) -> Figure:
-    """The arrays, best first, over bars of their criterion; narrow: an array a row."""
+    """The arrays, best first, over their criterion; narrow: an array a row."""
     shown = arrays[:MOST_ARRAYS]
     tall = 2.6 * (len(shown) if narrow else 1)
     reach = 1.25 * max(one.elements.reach_m for one in shown)
@@ -158,12 +158,14 @@ def comparison_figure(arrays: Sequence[JudgedArray], narrow: bool = False) -> Fi
             upper.suptitle(f"the best {len(shown)} of {len(arrays)} arrays", fontsize=9, color=MUTED)
         values = [one.criterion for one in shown]
         colours = [GOOD if k == 0 else SERIES[5] for k in range(len(shown))]
-        axis.barh(range(len(shown)), values, color=colours)
+        axis.scatter(values, range(len(shown)), color=colours, s=60)
         axis.set_yticks(range(len(shown)), [fill(one.name, _NARROW if narrow else _WIDE) for one in shown])
-        for k, value in enumerate(values):
-            axis.annotate(f"{value:.3g}", (value, k), (4, 0), textcoords="offset points", va="center")
+        for k, one in enumerate(shown):
+            told = f"{one.criterion:.3g}" if one.is_told else "some of the pose unknown"
+            axis.annotate(told, (one.criterion, k), (8, 0), textcoords="offset points", va="center")
         axis.set_xscale("log")
-        axis.set_xlim(0.5 * min(values), 2 * max(values))
+        axis.set_xlim(0.5 * min(values), 4 * max(values))
+        axis.set_ylim(-0.6, len(shown) - 0.4)
         axis.invert_yaxis()
         axis.grid(False, axis="y")
         label(axis, "A, sum of variances in units of the task", "")

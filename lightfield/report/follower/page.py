@@ -162,7 +162,7 @@ def arrays_page(found: Arrays) -> str:
             [
                 page_figure(
                     "arrays",
-                    "Every array seen from behind; arrows: where its elements face. Bars: sum of the "
+                    "Every array seen from behind; arrows: where its elements face. Points: sum of the "
                     "variances, smaller is better; a factor of 4 is half the error.",
                     "Arrays side by side", comparison_figure, found.arrays,
                 )

@@ -97,7 +97,8 @@ class Observer:
         # freedom (Birge 1932, Phys. Rev. 40, 207). Else a filter that believes a wrong light refuses all.
         leeway = np.maximum(1.0, misfit / self._free)
         _, self.used = self.filter.correct(measured, scatter, self.lit & certain, leeway, common)
-        self._calm.follow(self.filter.poses, seconds)
+        if self._learns:
+            self._calm.follow(self.filter.poses, seconds)
         unlikely = self.lit & (chi2.sf(misfit, self._free) < DOUBTFUL)
         self._unlikely = np.where(unlikely, self._unlikely + 1, 0)
         self.doubtful = self._unlikely >= IN_A_ROW

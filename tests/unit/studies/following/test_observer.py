@@ -38,6 +38,8 @@ def test_what_is_not_known_is_learned_on_the_way(gain_percent: float, water_perc
     # Of 24 runs of 19 s, each some ten times as long as a filter remembers a place. It holds more motion
     # possible than there is, behind a leader that sways too: errors are 0.7 to 0.9 of those stated.
     assert 0.5 < np.sqrt(np.mean((error / stated) ** 2)) < 1.0
+    # What is left of the bias of single readings, told in the manual: 0.04 m too far.
+    assert 0.02 < error.mean() < 0.06
 
 
 def test_elements_that_are_unlike_draw_no_follower_to_one_side() -> None:
