@@ -71,11 +71,11 @@ class Survey(OverAxes[survey.Survey], ToldByDetails[survey.Survey]):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """The bound at the scene's pose over what docking allows."""
-        from lightfield.report.plots import plot_bars
+        from lightfield.report.plots import plot_ratios
 
         sigma = self.details.here.sigma
         parts = np.array([value / DOCKING[name] for name, value in sigma.items()])
-        return plot_bars(ax, list(sigma), parts, ("bound over what docking allows", "At the scene's pose"))
+        return plot_ratios(ax, list(sigma), parts, ("bound over what docking allows", "At the scene's pose"))
 
     def to_xarray(self) -> xr.Dataset:
         """Standard deviations over the formation space, dimensions (z_m, x_m), m and rad."""
@@ -96,11 +96,11 @@ class Arrays(ToldByDetails[compared.Arrays]):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """A, the sum of the variances of the pose, over that of the worst."""
-        from lightfield.report.plots import plot_bars
+        from lightfield.report.plots import plot_ratios
 
         arrays = self.details.arrays
         parts = np.array([one.criterion for one in arrays]) / arrays[-1].criterion
-        return plot_bars(ax, [one.name for one in arrays], parts, ("A over that of the worst", "Arrays"))
+        return plot_ratios(ax, [one.name for one in arrays], parts, ("A over that of the worst", "Arrays"))
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per array: A and the root mean square bounds over the poses of the task."""

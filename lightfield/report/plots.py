@@ -247,11 +247,12 @@ def plot_sweep(ax: Axes | None, data: xr.Dataset, axes: Sequence[str], name: str
     return ax
 
 
-def plot_bars(ax: Axes | None, names: Sequence[str], part: Array, words: tuple[str, str]) -> Axes:
-    """Bars up and down from a line at 1: what is known over what is asked for; infinite: unknown."""
+def plot_ratios(ax: Axes | None, names: Sequence[str], part: Array, words: tuple[str, str]) -> Axes:
+    """Points about a line at 1: what is known over what is asked for; infinite: unknown."""
     ax = axes_for(ax)
     known = np.where(np.isfinite(part), part, np.nan)
-    ax.bar(range(len(names)), known - 1, bottom=1, color=RENDER)
+    ax.plot(range(len(names)), known, "o", color=RENDER, markersize=8)
+    ax.set_xlim(-0.5, len(names) - 0.5)
     for k in np.flatnonzero(~np.isfinite(part)).tolist():
         ax.text(k, 1.1, "unknown", ha="center", va="bottom", color=MUTED, rotation=90)
     ax.axhline(1, color=FORMULA, linestyle=DASH)
