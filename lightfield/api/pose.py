@@ -47,15 +47,18 @@ class Poses(ToldByDetails[sequence.Poses]):
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per reading: pose with its standard deviations, m and degrees, whether it fits, and whether
-        another pose does as well."""
-        units = with_units(POSE)
-        rows = []
-        for time, one in zip(self.details.time_s, self.details.estimates, strict=True):
+        another pose does as well; with the filter its pose and standard deviations too (`filtered_`)."""
+        found, units, rows = self.details, with_units(POSE), []
+        for time, one in zip(found.time_s, found.estimates, strict=True):
             row: dict[str, Any] = {"time_s": float(time), "status": "light lost" if one.lost else one.status}
             if not one.lost and one.total is not None:
                 row |= dict(zip(units, in_degrees(one.pose).tolist(), strict=True))
                 row |= {**sigma_columns(one.total.sigma), "ambiguous": one.ambiguous}
             rows.append(row)
+        for row, state in zip(rows, found.tracked or (), strict=False):
+            sigma = dict(zip(found.names, np.sqrt(np.diag(state.total)), strict=True))
+            track = dict(zip(units, in_degrees(state.pose).tolist(), strict=True)) | sigma_columns(sigma)
+            row |= {f"filtered_{name}": value for name, value in track.items()}
         keys = [key for row in rows for key in row]
         return pd.DataFrame(rows, columns=list(dict.fromkeys(["time_s", "status", *units, *keys])))
 
@@ -103,7 +106,7 @@ class Bias(OverAxes[biases.BiasStudy], ToldByDetails[biases.BiasStudy]):
 
 @checked
 def estimate(
-    readings: AnyPath,
+    readings: pd.DataFrame | AnyPath,
     scene: Scene | AnyPath,
     *,
     filter: bool = False,
@@ -117,9 +120,9 @@ def estimate(
 
     Parameters
     ----------
-    readings : path-like
-        CSV, a column per element: e1, e2, ..., and time_s. Over the array's gain they are irradiance over the
-        lamp's intensity on its axis, 1/m2.
+    readings : DataFrame or path-like
+        Table or CSV, a column per element: e1, e2, ..., and time_s. Over the array's gain they are irradiance
+        over the lamp's intensity on its axis, 1/m2.
     scene : Scene or path-like
         With an [array].
     filter : bool

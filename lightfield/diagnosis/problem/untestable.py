@@ -22,6 +22,7 @@ class Hinders(str, Enum):
     NO_WATER = "none in water"
     NOT_BOTH_MEDIA = "not in air and water"
     FEW_WAVELENGTHS = "fewer than three wavelengths"
+    ONE_WAVELENGTH = "one wavelength"
     NO_OVERTONE = "no wavelength twice another"
     RELATIVE = "relative scale"
     ABSOLUTE = "absolute scale"
@@ -86,6 +87,7 @@ _WORDS = {
     Hinders.NO_WATER: "no reading was taken in water",
     Hinders.NOT_BOTH_MEDIA: "needs readings in air and in water",
     Hinders.FEW_WAVELENGTHS: "needs readings at three wavelengths or more",
+    Hinders.ONE_WAVELENGTH: "needs readings at two wavelengths or more",
     Hinders.NO_OVERTONE: "no wavelength is twice another, or more",
     Hinders.RELATIVE: "the readings are on a relative scale",
     Hinders.ABSOLUTE: "the readings are on an absolute scale, where the lamp's spectrum is asked about; say "

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
-from lightfield.diagnosis.certainty import CONVINCING
+from lightfield.diagnosis.certainty import CONVINCING, Certainty
 from lightfield.diagnosis.problem.problem import FAR_BEHIND, Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.own_errors import (
@@ -174,6 +174,17 @@ class SearchResult:
     def beyond_two(self) -> bool:
         """Did one or two effects explain nothing?"""
         return self.many is not None and self.many.sought
+
+    @property
+    def in_doubt(self) -> ScoredSet | None:
+        """Of more than two effects, the set without one of them that comes nearest, where that one is one of
+        several: what the readings leave open."""
+        doubts = [e for e in self.many.evidence if e.level == Certainty.ONE_OF] if self.many else []
+        rivals = [(e.gap, e.rival) for e in doubts if e.rival is not None]
+        if not (self.beyond_two and rivals):
+            return None
+        _, rival = min(rivals, key=lambda one: one[0])
+        return ScoredSet(rival.explanation, rival.fit, np.inf)
 
     @property
     def closest(self) -> ScoredSet | None:

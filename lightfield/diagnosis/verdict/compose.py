@@ -209,7 +209,8 @@ def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _Undecided:
         near = nearest_rival(prepared.problem, finding.whiten, best, finding.tried, finding.level.phi)
     if near is not None:
         rival = NearestRival(effects=list(near.explanation.names), separation_sigma=near.separation_sigma)
-    other = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
+    second = finding.accepted[1] if len(finding.accepted) > 1 else (near.explanation if near else None)
+    other = finding.in_doubt or second
     if kind != Kind.AMBIGUOUS or other is None or not advise:
         return _Undecided(rival)
     return _Undecided(rival, where_next(prepared, finding, basis.forward, best, other))

@@ -40,6 +40,7 @@ Need = Literal[
     "mirror",
     "water",
     "air_and_water",
+    "two_colours",
     "spectral",
     "overlap",
     "known_base",

@@ -149,7 +149,7 @@ EFFECTS = (
         "reflector, a lens that bends red less.",
         "In the wings of one band too bright where in those of another it is too dark, at the same angles.",
         "Look at a white wall near the lamp: its edge is coloured. Measure the lamp in air in two bands.",
-        needs=("off_axis", "spectral", "relative"),
+        needs=("off_axis", "two_colours", "relative"),
     ),
     Effect(
         "lamp_drift",

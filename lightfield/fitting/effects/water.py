@@ -42,7 +42,7 @@ EFFECTS = (
         "The particles scatter one colour more than another: small ones blue, by 1 / wavelength in open sea.",
         "A halo that is another part of the light in each band, beside scattering alone.",
         "Measure the scattering at two wavelengths, or filter in two steps: what is small passes the first.",
-        needs=("water", "spectral"),
+        needs=("water", "two_colours"),
     ),
     Effect(
         "water_gradient",

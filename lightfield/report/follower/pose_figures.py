@@ -5,8 +5,10 @@ from __future__ import annotations
 from textwrap import fill
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lightfield.arrays import Array
 from lightfield.report.follower.array_figures import SHOWN, WORDS
 from lightfield.report.style import (
     BAD,
@@ -16,6 +18,7 @@ from lightfield.report.style import (
     INK,
     MUTED,
     NARROW,
+    PAPER,
     RENDER,
     SERIES,
     WIDTH,
@@ -101,23 +104,32 @@ def sequence_figure(poses: Poses, narrow: bool = False) -> Figure:
         np.full(len(at), np.nan) if one.noise_only is None else np.sqrt(np.diag(one.noise_only.covariance))
         for one in poses.estimates
     ])  # fmt: skip
+    good = np.array([one.fits for one in poses.estimates])
+    lit = np.array([not one.lost for one in poses.estimates])
+    twofold = good & np.array([one.ambiguous for one in poses.estimates])
+    kinds = (
+        (good & ~twofold, DATA, DATA, "single readings"),
+        (twofold, DATA, PAPER, "ambiguous"),
+        (~good & lit, BAD, BAD, "do not fit"),
+    )
     with figure(NARROW if narrow else WIDTH, 1.5 * len(at) + 0.6) as fig:
         each = fig.subplots(len(at), 1, sharex=True, squeeze=False)[:, 0]
         for k, (panel, name) in enumerate(zip(each, poses.names, strict=True)):
             unit, factor = SHOWN[name]
             unit, factor = ("m", 1.0) if unit == "mm" else (unit, factor)
-            good = np.array([one.fits for one in poses.estimates])
-            lit = np.array([not one.lost for one in poses.estimates])
-            for keep, colour, word in ((good, DATA, "single readings"), (~good & lit, BAD, "do not fit")):
+            for keep, colour, inside, word in kinds:
                 if keep.any():
                     panel.errorbar(
                         t[keep], factor * single[keep, at[k]], factor * noise[keep, k], fmt="o", markersize=3,
-                        color=colour, elinewidth=0.7, alpha=0.7, label=word,
+                        color=colour, markerfacecolor=inside, elinewidth=0.7, alpha=0.7, label=word,
                     )  # fmt: skip
             if poses.tracked is not None:
-                way = np.array([one.pose[at[k]] for one in poses.tracked])
-                wide = SIGMAS * np.sqrt([one.total[k, k] for one in poses.tracked])
-                banded(panel, t, factor * way, factor * wide, alpha=0.2, color=RENDER, label="filter")
+                way = factor * np.array([one.pose[at[k]] for one in poses.tracked])
+                wide = factor * SIGMAS * np.sqrt([one.total[k, k] for one in poses.tracked])
+                limits = _around(panel, t, way, np.nan_to_num(wide, posinf=0.0))
+                wide = np.nan_to_num(wide, posinf=float(np.ptp(limits)))  # of what is unknown, to the edges
+                banded(panel, t, way, wide, alpha=0.2, color=RENDER, label="filter")
+                panel.set_ylim(limits)
             for one, moment in zip(poses.estimates, t, strict=True):
                 if one.lost:
                     panel.axvline(moment, color=BAD, alpha=0.3)
@@ -125,3 +137,10 @@ def sequence_figure(poses: Poses, narrow: bool = False) -> Figure:
         each[0].legend(loc="best", ncols=3, fontsize=7.5 if narrow else 8.5)
         each[-1].set_xlabel("time (s)")
     return fig
+
+
+def _around(panel: Axes, x: Array, value: Array, wide: Array) -> tuple[float, float]:
+    """Limits of the upright axis that hold what is drawn, and a band."""
+    panel.update_datalim(np.column_stack([np.tile(x, 2), np.r_[value - wide, value + wide]]))
+    panel.autoscale_view()
+    return panel.get_ylim()

@@ -132,6 +132,7 @@ def poses_page(poses: Poses) -> str:
     followed = " Line and band: the filter, with two standard deviations of all that is not known."
     strange = " Red: light lost, or readings that do not fit."
     caption = "Points: every reading by itself, with its noise."
+    caption += " Hollow: another pose does as well." * bool(poses.ambiguous)
     caption += followed * (poses.tracked is not None) + strange * bool(poses.lost + poses.misfits)
     sections = [
         section(

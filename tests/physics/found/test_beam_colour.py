@@ -52,3 +52,24 @@ def test_its_slope_is_found_beside_the_scattering() -> None:
         told = found.explanations[0].parameters[path]
         assert told.stderr is not None and told.value == pytest.approx(value, abs=3 * told.stderr), path
     assert (found.explanations[0].parameters["lamp.width_slope"].stderr or 1.0) < 0.03
+
+
+def test_two_bands_tell_it() -> None:
+    """In water that does not scatter: the formula of a plain lamp for each band, its width written out."""
+    x, z = (v.ravel() for v in np.meshgrid(np.linspace(0.0, 0.9, 10), [2.0, 3.0, 4.0, 5.0, 6.0]))
+    rng, parts = np.random.default_rng(3), []
+    for nm in NM[::2]:
+        width, r = WIDTH * (nm / 550) ** KAPPA, np.hypot(x, z)
+        light = np.exp(-np.log(2) * (np.rad2deg(np.arctan2(x, z)) / width) ** 2 - 0.1 * r) / r**2 * z / r
+        error = np.hypot(0.006 * light, 0.0003 * light.max())
+        parts.append((x, z, np.full(x.size, nm), light + error * rng.standard_normal(x.size), error))
+    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
+    readings = Readings.from_arrays(
+        **dict(zip(("x_m", "z_m", "wavelength_nm", "value", "stderr"), columns, strict=True)),
+        quantity="irradiance",
+    )
+    found = diagnose(readings, SCENE, diffuse=None, advise=False).verdict
+    assert found.certain == ["beam_colour"] == found.best_set
+    told = found.explanations[0].parameters["lamp.width_slope"]
+    assert told.stderr is not None and told.value == pytest.approx(KAPPA, abs=3 * told.stderr)
+    assert told.stderr < 0.03

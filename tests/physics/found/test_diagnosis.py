@@ -224,6 +224,7 @@ def test_what_cannot_be_tested_says_why() -> None:
     assert verdict.untestable["beam_ellipticity"] == "all readings have the same y"
     assert "tank" in verdict.untestable["wall_reflection"]
     assert "three wavelengths" in verdict.untestable["cdom"]
+    assert "two wavelengths" in verdict.untestable["beam_colour"]
     # A Gaussian receiver before a Gaussian beam is the same as a narrower beam.
     assert "absorbed" in verdict.untestable["acceptance"]
 

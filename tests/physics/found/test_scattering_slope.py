@@ -1,4 +1,4 @@
-"""Particles that scatter blue more than red, as small ones do: three bands of the full render."""
+"""Particles that scatter blue more than red, as small ones do: two and three bands of the full render."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ SCENE = Scene.from_dict(
 )
 
 
-def rendered(scene: Scene, table: Readings) -> tuple[np.ndarray, np.ndarray]:
-    return rendered_light(scene, table, rel_error=2e-3, max_photons=2e6, seed=5)
+def rendered(scene: Scene, table: Readings, photons: float = 2e6) -> tuple[np.ndarray, np.ndarray]:
+    return rendered_light(scene, table, rel_error=3e-4, max_photons=photons, seed=5)
 
 
 def places() -> Readings:
@@ -50,11 +50,22 @@ def test_a_band_is_lit_as_by_grey_water_of_its_own(light: tuple[np.ndarray, np.n
         assert misfit(0.25 * 550 / nm) < 2 < 5 < misfit(0.25)
 
 
+@pytest.fixture(scope="module")
+def fine() -> tuple[np.ndarray, np.ndarray]:
+    """Known to a third of the readings' noise: bands share photons, and so what is wrong with them."""
+    return rendered(SCENE.with_values(HIDDEN), places(), 6e7)
+
+
 @pytest.mark.slow
-def test_the_slope_is_found_beside_the_scattering(light: tuple[np.ndarray, np.ndarray]) -> None:
+@pytest.mark.parametrize("bands", [NM, NM[[0, 2]]])
+def test_the_slope_is_found_beside_the_scattering(
+    fine: tuple[np.ndarray, np.ndarray], bands: np.ndarray
+) -> None:
     """Of another simulator's readings "background spectrum" was called certain, and absorption was 5 errors
-    off."""
-    rng, table = np.random.default_rng(1), places()
+    off; in two bands nothing explained them."""
+    read = np.isin(places().wavelength_nm, bands)
+    rng, table = np.random.default_rng(10), places().subset(read)
+    light = (fine[0][read], fine[1][read])
     error = np.hypot(np.hypot(0.006 * light[0], 0.0003 * light[0].max()), light[1])
     readings = Readings.from_arrays(
         x_m=table.x_m, z_m=table.z_m, wavelength_nm=table.wavelength_nm, stderr=error,
@@ -66,4 +77,4 @@ def test_the_slope_is_found_beside_the_scattering(light: tuple[np.ndarray, np.nd
     for path, true in HIDDEN.items():
         told = found.explanations[0].parameters[path]
         assert told.stderr is not None and told.value == pytest.approx(true, abs=3 * told.stderr), path
-    assert (found.explanations[0].parameters["water.scattering_slope"].stderr or 1.0) < 0.3
+    assert (found.explanations[0].parameters["water.scattering_slope"].stderr or 1.0) < 0.1

@@ -241,3 +241,15 @@ def test_poses_come_with_their_errors_in_the_units_of_their_columns(tmp_path):
     np.testing.assert_allclose(poses.sigma_yaw_deg, [np.degrees(sigma["yaw"]) for sigma in inside])
     axes = Figure().subplots()
     assert found.plot(axes) is axes and "2 readings" in repr(found)
+    followed = lf.pose.estimate(pd.read_csv(table), follower, filter=True, trace=False)
+    track = followed.to_pandas()
+    pd.testing.assert_frame_equal(track[poses.columns], poses, rtol=1e-3, atol=1e-4)
+    end = followed.details.tracked[-1]
+    last = track[["filtered_x_m", "filtered_yaw_deg", "filtered_sigma_x_m", "filtered_sigma_yaw_deg"]].iloc[
+        -1
+    ]
+    yaw = float(np.sqrt(end.total[3, 3]))
+    expected = [end.pose[0], np.degrees(end.pose[3]), np.sqrt(end.total[0, 0]), np.degrees(yaw)]
+    np.testing.assert_allclose(last.astype(float), expected)
+    with pytest.raises(lf.LightfieldError, match="readings: column e1 is missing"):
+        lf.pose.estimate(pd.DataFrame({"time_s": [0.0]}), follower, trace=False)

@@ -9,6 +9,7 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
@@ -20,6 +21,7 @@ from lightfield.studies.follower.estimation.pose import DOUBTFUL, IN_A_ROW, Esti
 from lightfield.studies.follower.estimation.table import read_samples
 from lightfield.studies.follower.estimation.tracking import Tracked, Tracker
 from lightfield.studies.follower.frames import POSE, UNKNOWN_VARIANCE, in_degrees
+from lightfield.studies.follower.information import is_told
 from lightfield.studies.follower.pose_search import MOST_TURNED
 from lightfield.studies.follower.survey import array_of
 from lightfield.wording import minus
@@ -118,7 +120,9 @@ class Poses:
         time, pose, total = seen[-1]
         at = f"At {time:.1f} s " if len(self.estimates) > 1 else ""
         told = " and ".join(
-            f"{minus(f'{value:.2f}')} ± {max(total.sigma[name], _LEAST_TOLD_M):.2f} m {where}"
+            f"{minus(f'{value:.2f}')} ± {max(sigma, _LEAST_TOLD_M):.2f} m {where}"
+            if is_told(name, sigma := total.sigma[name])
+            else f"at an unknown place {where}"
             for name, value, where in (("z", pose[2], "along the beam"), ("x", pose[0], "aside"))
         )
         return f"{at}{told}. "
@@ -220,7 +224,7 @@ class Poses:
 
 
 def poses_of(
-    path: str | os.PathLike[str],
+    readings: str | os.PathLike[str] | pd.DataFrame,
     scene: Scene,
     space: Space,
     *,
@@ -232,7 +236,7 @@ def poses_of(
 
     Parameters
     ----------
-    path : path-like
+    readings : path-like or DataFrame
         See `table.read_samples`.
     scene : Scene
         With an array.
@@ -250,22 +254,24 @@ def poses_of(
     """
     array = array_of(scene)
     elements = elements_of(array)
-    samples = read_samples(path, len(elements), array.sample_hz)
+    samples = read_samples(readings, len(elements), array.sample_hz)
     estimator = Estimator.of_scene(scene, light_of(scene, space, elements, photons=photons, seed=seed), space)
-    readings = samples.readings / array.gain
-    _refuse_another_unit(readings, estimator, str(path))
+    light = samples.readings / array.gain
+    _refuse_another_unit(
+        light, estimator, "readings" if isinstance(readings, pd.DataFrame) else str(readings)
+    )
     tracked = None
     if filtered:
         tracker = Tracker(estimator)
-        tracked = [tracker.update(one, float(t)) for one, t in zip(readings, samples.time_s, strict=True)]
+        tracked = [tracker.update(one, float(t)) for one, t in zip(light, samples.time_s, strict=True)]
         estimates = [one.estimate for one in tracked]
     else:
         estimates, last = [], None
-        for one in readings:
+        for one in light:
             found = estimator.estimate(one, last, more_starts=RIVAL_STARTS, seed=seed)
             last = None if found.lost else found.pose
             estimates.append(found)
-    silent = _silent(readings, estimator, estimates)
+    silent = _silent(light, estimator, estimates)
     return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons), silent)
 
 

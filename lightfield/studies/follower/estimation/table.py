@@ -1,12 +1,14 @@
-"""Readings of an array from a CSV file: one line per sample, one column per element."""
+"""Readings of an array from a CSV file or a table: one line per sample, one column per element."""
 
 from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from lightfield.arrays import Array
 from lightfield.errors import Complaint, MeasurementError
@@ -33,14 +35,14 @@ class Samples:
     readings: Array
 
 
-def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) -> Samples:
+def read_samples(source: str | os.PathLike[str] | pd.DataFrame, elements: int, rate_hz: float) -> Samples:
     """Read a table with the columns e1, e2, ... in the order of the array's elements, and time_s if known.
 
     Cells of elements that were not read, as of a dead one, are empty or say nan.
 
     Parameters
     ----------
-    path : path-like
+    source : path-like or DataFrame
         CSV with a header line: cells parted by commas, or by semicolons or tabulators, and then with decimal
         points or commas. Lines that begin with # are comments.
     elements : int
@@ -53,8 +55,20 @@ def read_samples(path: str | os.PathLike[str], elements: int, rate_hz: float) ->
     MeasurementError
         Not such a table: all bad lines at once.
     """
-    where = os.fspath(path)
-    header, rows = header_and_rows(where, READINGS)
+    if isinstance(source, pd.DataFrame):
+        rows = enumerate((["" if pd.isna(v) else str(v) for v in row] for row in source.to_numpy(object)), 1)
+        return _samples([str(name) for name in source.columns], rows, elements, rate_hz, "readings")
+    where = os.fspath(source)
+    return _samples(*header_and_rows(where, READINGS), elements, rate_hz, where)
+
+
+def _samples(
+    header: list[str],
+    rows: Iterable[tuple[int, Sequence[str]]],
+    elements: int,
+    rate_hz: float,
+    where: str,
+) -> Samples:
     wanted = [f"e{k + 1}" for k in range(elements)]
     missing = [name for name in wanted if name not in header]
     if missing or len(set(header)) < len(header):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -18,7 +20,7 @@ from lightfield.diagnosis.search.cascade import SearchResult, search
 from lightfield.diagnosis.search.many import levelled
 from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.pool.evidence import GAP
-from lightfield.diagnosis.search.set_of_effects import ScoredSet
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 
 pytestmark = pytest.mark.usefixtures("few_replicates")
@@ -213,3 +215,22 @@ def test_an_answer_hangs_on_no_number_that_was_chosen(
             answer = found(made, problem)
             assert answer.size == len(effects), value
             assert [t.names for t in answer.accepted] == ([tuple(sorted(effects))] if effects else [])
+
+
+def test_what_is_in_doubt_is_the_nearest_set_without_one_of_several() -> None:
+    """Not the second set, which may doubt what is certain."""
+    made = toy()
+    answer = found(made, made.drawn(np.random.default_rng(1), odd=3.0))
+    assert answer.in_doubt is None
+    levels = {"odd": ("certain", 6.0), "dusk": ("one of", 12.0), "fan": ("one of", 9.0)}
+    evidence = [
+        SimpleNamespace(level=level, gap=gap, rival=FittedSet((candidate(name),), answer.level.base))
+        for name, (level, gap) in levels.items()
+    ]
+
+    def with_evidence(count: int) -> SearchResult:
+        return replace(answer, many=cast("Any", SimpleNamespace(sought=True, evidence=evidence[:count])))
+
+    assert with_evidence(1).in_doubt is None
+    doubted = with_evidence(3).in_doubt
+    assert doubted is not None and doubted.names == ("fan",)

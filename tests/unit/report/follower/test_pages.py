@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +12,9 @@ import pytest
 from lightfield.errors import UsageError
 from lightfield.report.follower.follow_figures import events_in_words
 from lightfield.report.follower.page import arrays_page, survey_page
+from lightfield.report.follower.pose_figures import sequence_figure
 from lightfield.report.follower.pose_page import _with_trace, poses_page
+from lightfield.report.style import PAPER
 from lightfield.scene import Follower, Scene
 from lightfield.scene.follower import Mission
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
@@ -24,6 +27,7 @@ from lightfield.studies.follower.estimation.sequence import Poses
 from lightfield.studies.follower.estimation.tracking import Tracker
 from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import doubt_in_words
+from lightfield.studies.follower.rival_poses import RivalPose
 from lightfield.studies.follower.survey import survey
 
 SCENE = Scene.from_dict(
@@ -75,6 +79,24 @@ def test_a_way_with_darkness_in_it(tmp_path: Path) -> None:
     html = poses_page(poses)
     assert "1 without light, 0 that do not fit" in html and "light lost" in html
     assert f"At 0.3 s {states[-1].estimate.pose[2]:.2f} ± " in html and "Line and band: the filter" in html
+    assert ("Hollow: another pose does as well" in html) == bool(poses.ambiguous)
+
+
+def test_poses_that_another_does_as_well_as_are_drawn_hollow() -> None:
+    """Of three readings the second is such a one."""
+    scene = Scene.from_dict({**SCENE.to_dict(), "array": {**ROUND, "count": [5, 5]}})
+    assert scene.array is not None
+    model = ArrayModel(FormulaLight(scene), elements_of(scene.array))
+    estimator = Estimator(
+        model, SensorNoise(brightest=0.01, ampere=1.0, amplifier=1e-9), POSE[:5], {"gain": 0.05}, Space()
+    )
+    one = estimator.estimate(model.readings(np.array([[0.1, 0, 6, 0, 0, 0.0]]))[0])
+    two = replace(one, rivals=[RivalPose(one.pose, 1.0, 0.0)])
+    assert two.ambiguous and not one.ambiguous
+    drawn = sequence_figure(Poses(scene, POSE[:5], 0.1 * np.arange(3), [one, two, one], None, False))
+    sure, doubtful = drawn.axes[0].containers
+    assert (len(sure[0].get_xdata()), len(doubtful[0].get_xdata())) == (2, 1)
+    assert doubtful.get_label() == "ambiguous" and doubtful[0].get_markerfacecolor() == PAPER
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Sp
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, grid, on_sphere
 from lightfield.studies.follower.estimation.pose import Estimator
-from lightfield.studies.follower.estimation.sequence import Lost, poses_of
+from lightfield.studies.follower.estimation.sequence import Lost, Poses, poses_of
 from lightfield.studies.follower.estimation.table import read_samples
 from lightfield.studies.follower.estimation.tracking import Tracker
 from lightfield.studies.follower.frames import POSE
@@ -283,8 +283,11 @@ def test_poses_at_the_edge_of_the_space_are_no_other_light(tmp_path: Path) -> No
 def test_what_an_array_cannot_know_is_unknown_in_words() -> None:
     """Three elements for five unknowns: no error, and no probability."""
     three = estimator(Elements(HEMISPHERE.place_m[[0, 12, 20]], HEMISPHERE.normal[[0, 12, 20]]))
-    text = three.estimate(three.model.readings(POSE_0[None])[0]).as_text()
+    found = three.estimate(three.model.readings(POSE_0[None])[0])
+    text = found.as_text()
     assert "yaw unknown" in text and "inf" not in text and "as many unknowns as readings" in text
+    last = Poses(SCENE, three.names, np.zeros(1), [found], None, False).last_known
+    assert "inf" not in last and "at an unknown place aside" in last
 
 
 def test_a_table_of_readings(tmp_path: Path) -> None:
