@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _say(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    """What a scene was simplified to, in one line; other libraries' warnings are for developers."""
+    """What does nothing in a scene, in one line; other libraries' warnings are for developers."""
     from lightfield.errors import SceneWarning
 
     if issubclass(category, SceneWarning):

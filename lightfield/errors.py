@@ -195,7 +195,7 @@ class RuleError(ValueError):
 
 
 class SceneWarning(UserWarning):
-    """A scene is taken for something simpler than it says."""
+    """Something that a scene says, or is asked of it, does nothing."""
 
 
 class SceneError(LightfieldError):

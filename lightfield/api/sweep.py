@@ -14,6 +14,7 @@ from lightfield.api.result import Result
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.sweep.axes import FORMS, Axis, axis_of, parse_axis
+from lightfield.sweep.cases import warn_of_idle
 from lightfield.sweep.results import axes_of, open_store
 from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.sweep_plan import SweepSettings, make_plan
@@ -142,6 +143,7 @@ def sweep(
     if not axes:
         raise UsageError("nothing is varied", rule=f"vary = {{path: values}}, values {FORMS} or a list")
     plan = make_plan(scene_of(scene), axes, SweepSettings(rel_error, max_photons, seed, maps))
+    warn_of_idle(plan.cases)
     run_sweep(plan, Path(output), workers=workers, scheduler=scheduler, memory_gb=memory)
     return Sweep.load(output)
 

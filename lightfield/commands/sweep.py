@@ -23,7 +23,7 @@ from lightfield.scene import Scene
 from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
-from lightfield.sweep.cases import idle
+from lightfield.sweep.cases import warn_of_idle
 from lightfield.sweep.estimate import byte_size
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
@@ -105,8 +105,7 @@ def run(args: argparse.Namespace) -> int:
         remedy = f"--vary PATH=RANGE with RANGE {FORMS}, or --plan FILE"
         raise UsageError("nothing is varied", where=str(args.scene), remedy=remedy)
     plan = make_plan(scene, axes, _settings(args, settings))
-    for line in idle(plan.cases):
-        print(f"warning: {line}")
+    warn_of_idle(plan.cases)
     if args.dry_run:
         print(estimate.as_text(plan))
         return 0

@@ -228,7 +228,8 @@ def plot_lines(
 
 
 def plot_sweep(ax: Axes | None, data: xr.Dataset, axes: Sequence[str], name: str) -> Axes:
-    """A quantity against the longest axis, a line per step of the next, all else at its first step."""
+    """A quantity against the longest axis, a line per step of the next, all else at its first step, which
+    the title says."""
     order = sorted(axes, key=lambda a: (data[a].dtype.kind not in "fi", -data.sizes[a]))
     along, hue = order[0], next((a for a in order[1:] if data.sizes[a] > 1), None)
     x = data[along].values
@@ -240,8 +241,12 @@ def plot_sweep(ax: Axes | None, data: xr.Dataset, axes: Sequence[str], name: str
         value, error = (data[n].isel(first).values if n in data else None for n in (name, f"{name}_stderr"))
         assert value is not None
         lines["" if hue is None else f"{hue} = {data[hue].values[step]}"] = (value, error)
-    unit = data[name].attrs.get("units", "1")
-    ax = plot_lines(ax, at, lines, (along, "" if unit == "1" else unit, plain(name)))
+    held = [dim for dim in data[name].dims if dim not in {along, hue} and data.sizes[dim] > 1]
+    at_first = ", ".join(f"{dim} = {data[dim].values[0]}" for dim in held)
+    title = f"{plain(name)}\nat {at_first}" if held else plain(name)
+    unit = {n: u for n in (along, name) if (u := data[n].attrs.get("units", "1")) != "1"}
+    x_words = f"{along} ({unit[along]})" if along in unit else along
+    ax = plot_lines(ax, at, lines, (x_words, unit.get(name, ""), title))
     if x.dtype.kind not in "fi":
         ax.set_xticks(at, [str(v) for v in x])
     return ax

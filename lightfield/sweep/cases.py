@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from lightfield.errors import SceneWarning
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import PARTS, acts_on, chosen_by
@@ -93,6 +95,12 @@ def idle(cases: Cases) -> list[str]:
             if not set(_taken(cases, f"{part}.{choice}")) & set(uses):
                 told.append(f"{path} changes no map: it counts where {part}.{choice} is {' or '.join(uses)}")
     return told
+
+
+def warn_of_idle(cases: Cases) -> None:
+    """Warn of paths that do nothing in any case of a sweep."""
+    for line in idle(cases):
+        warnings.warn(line, SceneWarning, stacklevel=5)  # of who called the library's function
 
 
 def _taken(cases: Cases, path: str) -> list[str]:

@@ -106,7 +106,7 @@ def trace_until(
 def _tell(sent: int, judged: int, reached: float, settings: Settings) -> None:
     """Say how far a trace is whose error was `reached` when `judged` photons had been sent."""
     by_now = reached * (judged / sent) ** 0.5 if judged else reached
-    goal = f" of {100 * settings.rel_error:.2g} % asked for" if settings.rel_error > BY_PHOTONS else ""
+    goal = f", {100 * settings.rel_error:.2g} % asked for" if settings.rel_error > BY_PHOTONS else ""
     error = f", error {100 * reached:.2g} %{goal}" if judged else ""
     part = part_of_trace(sent, by_now, settings.rel_error, settings.max_photons)
     tell(f"{sent:.3g} photons{error}", part)

@@ -9,6 +9,7 @@ import keyword
 import re
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -187,3 +188,9 @@ def test_python_m_lightfield_is_the_program():
         check=False,
     )
     assert (done.returncode, done.stdout) == (0, f"lightfield {lf.__version__}\n")
+
+
+def test_the_reference_lists_every_function_and_answer() -> None:
+    text = (Path(lf.__file__).parents[1] / "docs" / "reference.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"auto(?:function|class):: lightfield\.([\w.]+)", text))
+    assert set(FUNCTIONS) | set(RESULTS) <= told

@@ -16,6 +16,7 @@ import lightfield as lf
 from lightfield.api.light.compare import Comparison, Fit
 from lightfield.api.light.maps import Maps
 from lightfield.diagnosis.verdict.verdict import Verdict
+from lightfield.errors import SceneWarning
 from lightfield.maps.dataset import to_dataset
 from lightfield.studies.compare.maps import compare
 from lightfield.studies.compare.readings import fit_readings
@@ -201,6 +202,16 @@ def test_what_does_not_belong_together_is_refused(table, maps, tmp_path):
             wrong()
 
 
+def test_what_does_nothing_in_a_sweep_is_warned_of_where_it_was_asked_for(tmp_path):
+    """Drift of the lamp, in maps of time 0."""
+    scene = lf.Scene.from_dict({"detector": {"planes_m": [2.0], "pixels": 3}})
+    with pytest.warns(SceneWarning, match="lamp.drift_per_hour changes no map") as told:
+        lf.sweep(
+            scene, {"lamp.drift_per_hour": [0, 0.1]}, tmp_path / "s.zarr", max_photons=1e3, rel_error=0.5
+        )
+    assert told[0].filename == __file__
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_a_sweep_of_few_photons(tmp_path):
     scene = lf.Scene.from_dict({"detector": {"planes_m": [2.0, 3.0], "pixels": 7}})
@@ -214,6 +225,7 @@ def test_a_sweep_of_few_photons(tmp_path):
     np.testing.assert_array_equal(again.to_xarray().irradiance.values, found.to_xarray().irradiance.values)
     axes = Figure().subplots()
     assert found.plot(axes) is axes and len(axes.lines) == 2
+    assert axes.get_title().endswith("\nat z_m = 2.0")
     with pytest.raises(lf.LightfieldError, match="on_axis_irradiance"):
         found.plot(quantity="irradiance")
     assert "4 cases" in repr(found)
