@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="print the scene as TOML: what FILE and --set say, without defaults",
     )
     output.add_argument(
-        "--to-xml", type=Path, metavar="OUT", help="write a Mitsuba scene that uses our plugins"
+        "--to-xml", type=Path, metavar="OUT", help="write a Mitsuba scene of the first band, with our plugins"
     )
     output.add_argument("--schema", action="store_true", help="print the JSON Schema of scene files")
 
@@ -64,10 +64,12 @@ def run(args: argparse.Namespace) -> int:
         print(json.dumps(dump(mode="json") if dump else value) if not isinstance(value, str) else value)
     elif args.to_xml:
         output_file(args.to_xml, args.file, *scene.tables)
-        from lightfield.render.xml import write_xml
+        from lightfield.render.xml import left_out, write_xml
 
         write_xml(scene, args.to_xml)
         print(args.to_xml)
+        for line in left_out(scene):
+            print(f"note: {line}")
     elif args.to_toml or args.set:
         print(scene.to_toml(), end="")
     else:

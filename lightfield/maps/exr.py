@@ -156,8 +156,10 @@ def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
         )
     wavelengths = np.array(sorted(value))
     n_y, n_x = next(iter(value.values())).shape
-    first = np.asarray(header.get(OURS + "first_pixel_m", (0.0, n_y - 1.0)), dtype=float)
     size = np.asarray(header.get(OURS + "pixel_size_m", (1.0, 1.0)), dtype=float)
+    first = np.asarray(header.get(OURS + "first_pixel_m", (0.0, n_y - 1.0)), dtype=float)
+    # Of an image that was cropped the window begins elsewhere than where the file says the first pixel is.
+    first = first + np.asarray(header["dataWindow"][0]) * size * (1, -1)
     return SpectralImage(
         wavelength_nm=wavelengths,
         value=np.stack([value[w] for w in wavelengths]),
@@ -171,6 +173,7 @@ def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
         },
         attributes=_attributes(header),
         common_scale=float(header[OURS + "common_scale"][0]) if OURS + "common_scale" in header else None,
+        plane_m=(float(size[0]) * n_x, float(size[1]) * n_y),
     )
 
 

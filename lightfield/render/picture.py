@@ -1,8 +1,8 @@
 """A camera view of the lit tank with Mitsuba's own volumetric path tracer: people look first.
 
-Not a measurement: three wavelengths stand for red, green and blue, exposure is chosen for the eye, noise is
-smoothed, and where a scene has nothing that a camera could see (black walls, clear water) a little of it is
-lent, and said so.
+Not a measurement: three parts of the spectrum stand for red, green and blue, each at the wavelength where the
+lamp's power in it has its centre; exposure is chosen for the eye, noise is smoothed, and where a scene has
+nothing that a camera could see (black walls, clear water) a little of it is lent, and said so.
 """
 
 from __future__ import annotations
@@ -21,18 +21,24 @@ from lightfield.render.backend import use_backend
 from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
 from lightfield.render.shown_as import Shown, ShownAs
 from lightfield.scene import Scene
+from lightfield.scene.bands import over_band
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.profile import relative_intensity
 from lightfield.scene.lamp.section import section_widths
-from lightfield.scene.lamp.spectrum import spectral_power
+from lightfield.scene.lamp.tabulated import FIRST_NM, LAST_NM
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, known_nm, molecular_per_m, scattering_per_m
+from lightfield.scene.water.layers import is_layered, layers_absorption_per_m
 
-RGB_NM = np.array([610.0, 545.0, 460.0])
+#: Red, green and blue, nm. Chosen: about where displays part them.
+RGB_BANDS_NM = ((580.0, 700.0), (500.0, 580.0), (400.0, 500.0))
 LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
 #: A colour with less than this part of the brightest one's power is black in the picture: half a step of the
 #: dark end of sRGB (slope 12.92 over 255 steps) beside white.
 UNSEEN = 0.5 / 255 / 12.92
+#: Part of the mean over the whole spectrum that the brightest colour has at least: a tail is no light. Chosen.
+LEAST_SEEN = 1e-6
 BEAM_PIXELS = 256
 MAX_DEPTH = 10
 MIDDLE, BELOW = 0.25, 0.8
@@ -48,13 +54,16 @@ class Picture:
     Parameters
     ----------
     rgb : array, shape (height, width, 3)
-        Linear light, relative: row 0 is the top.
+        Linear light, relative: row 0 is the top, column 0 at the side of +x, for it looks along the beam.
     notes : tuple of ShownAs
-        What was lent to the scene so that there is something to see.
+        What was lent to the scene so that there is something to see, and what is not shown.
+    wavelength_nm : array, shape (3,), nm
+        That stand for red, green and blue.
     """
 
     rgb: np.ndarray
     notes: tuple[ShownAs, ...]
+    wavelength_nm: np.ndarray
 
 
 def take_picture(
@@ -83,7 +92,7 @@ def take_picture(
     Raises
     ------
     RenderError
-        Pixels or samples that no picture has.
+        Pixels or samples that no picture has; a lamp that gives no light that is seen.
     BackendError
         Nothing to render on.
     """
@@ -98,24 +107,26 @@ def take_picture(
     import mitsuba as mi
 
     albedo = scene.reflectances[0]
+    rgb_nm, power = colours_of(scene.lamp)
+    lit_colours = [k for k in range(3) if power[k] > UNSEEN * power.max()]
     # A named water may be known for a part of the colours only.
-    water_nm = np.clip(RGB_NM, *known_nm(scene.water))
+    water_nm = np.clip(rgb_nm, *known_nm(scene.water))
     scattering = scattering_per_m(scene.water, water_nm)
     notes = [
-        ShownAs(Shown.WAVELENGTH, float(at), float(known))
-        for at, known in zip(RGB_NM, water_nm, strict=True)
-        if at != known
+        ShownAs(Shown.WAVELENGTH, round(float(rgb_nm[k]), 1), float(water_nm[k]))
+        for k in lit_colours
+        if rgb_nm[k] != water_nm[k]
     ]
+    if is_layered(scene.water):
+        notes.append(ShownAs(Shown.LAYERS, _change_per_m(scene), 0.0))
     if lend and scene.tank and albedo < LENT_ALBEDO:
         notes.append(ShownAs(Shown.ALBEDO, float(albedo), LENT_ALBEDO))
         albedo = LENT_ALBEDO
     if lend and float(scattering.max()) < LENT_SCATTERING:
         notes.append(ShownAs(Shown.SCATTERING, float(scattering.max()), LENT_SCATTERING))
         scattering = np.full(3, LENT_SCATTERING)
-    absorption, power = absorption_per_m(scene.water, water_nm), spectral_power(scene.lamp, RGB_NM)
-    molecular = molecular_per_m(scene.water, water_nm)
+    absorption, molecular = absorption_per_m(scene.water, water_nm), molecular_per_m(scene.water, water_nm)
     planes = []
-    lit_colours = [k for k in range(3) if power[k] > UNSEEN * power.max()]
     for k in range(3):
         if k not in lit_colours:
             planes.append(np.zeros((height, width)))
@@ -133,7 +144,36 @@ def take_picture(
             halves.append(np.array(mi.render(loaded, spp=max(1, samples // 2), seed=2 * seed + half))[..., 0])
         image = calm(*halves)
         planes.append(image * power[k] / power.max())
-    return Picture(np.stack(planes, axis=-1), tuple(notes))
+    return Picture(np.stack(planes, axis=-1), tuple(notes), rgb_nm)
+
+
+def colours_of(lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths, nm, where the lamp's power in red, green and blue has its centres, and the mean of it over
+    each, W/(sr nm); shape (3,).
+
+    Raises
+    ------
+    RenderError
+        None of it is visible.
+    """
+    parts = [over_band(lamp, low, high, pieces=1) for low, high in RGB_BANDS_NM]
+    rgb_nm, power = (np.concatenate(one) for one in zip(*parts, strict=True))
+    everywhere = over_band(lamp, FIRST_NM, LAST_NM, pieces=1).intensity.item()
+    if power.max() < LEAST_SEEN * everywhere:
+        raise RenderError(
+            "the lamp gives no light that is seen", where="lamp.spectrum",
+            rule=f"some between {RGB_BANDS_NM[2][0]:g} and {RGB_BANDS_NM[0][1]:g} nm",
+            remedy="`lightfield render` maps light of every wavelength",
+        )  # fmt: skip
+    return rgb_nm, power
+
+
+def _change_per_m(scene: Scene) -> float:
+    """By how much the absorption differs within the water in view, 1/m."""
+    water, far = scene.water, float(max(scene.detector.planes_m, default=8.5))
+    along = float(np.ptp(layers_absorption_per_m(water, np.linspace(0.0, far, 200))))
+    height = scene.tank.depth_m if scene.tank else 2.0 * far * tan(radians(stated_width_deg(scene.lamp)))
+    return along + abs(water.height_gradient_per_m2) * height
 
 
 def picture_dict(

@@ -13,6 +13,7 @@ class Shown(str, Enum):
     WAVELENGTH = "wavelength_nm"
     ALBEDO = "wall_albedo"
     SCATTERING = "scattering_per_m"
+    LAYERS = "absorption_change_per_m"
 
 
 @dataclass(frozen=True)
@@ -40,5 +41,6 @@ class ShownAs:
 _WORDS = {
     Shown.WAVELENGTH: "water at {own:g} nm shown as at {shown:g} nm, where its table ends",
     Shown.ALBEDO: "walls shown with albedo {shown:g} instead of {own:g}",
+    Shown.LAYERS: "absorption that changes by {own:.2g} 1/m within the water shown as the same everywhere",
     Shown.SCATTERING: "scattering shown as {shown:g} 1/m instead of {own:.2g} 1/m",
 }

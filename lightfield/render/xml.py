@@ -9,16 +9,15 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from lightfield.formula.own_formulas import lit
+from lightfield.formula.own_formulas import lit, on_path
 from lightfield.render.backend import use_backend
 from lightfield.render.response.grid import scene_grid
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm
-from lightfield.scene.lamp.spectrum import axial_intensity
+from lightfield.scene.bands import BandLight, over_band
+from lightfield.scene.lamp.colour import in_colour
 from lightfield.scene.receiver import RECEIVER
 from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_m, scattering_per_m
+from lightfield.scene.water.layers import is_layered
 from lightfield.storage.files import atomic_path
 
 KINDS = {
@@ -30,13 +29,16 @@ KINDS = {
 
 
 def mitsuba_dict(scene: Scene) -> dict[str, Any]:
-    """Scene in the middle of its first band as a dictionary for `mi.load_dict`, with our plugins."""
+    """Scene in its first band as a dictionary for `mi.load_dict`, with our plugins.
+
+    The lamp's light is its mean over the band; water and beam are those at the centre of that light.
+    """
     use_backend()
     from lightfield.render.plugins.lamp import CURVES, PROPERTIES
     from lightfield.render.tracer.build import phase_dict, shapes
 
-    scene = lit(scene)
-    at = np.array([middles_nm(scene)[0].mean()])
+    at, intensity = _first_band(scene)
+    scene = in_colour(lit(scene), float(at[0]))
     a, b = float(absorption_per_m(scene.water, at)[0]), float(scattering_per_m(scene.water, at)[0])
     c = a + b
     grid = scene_grid(scene)
@@ -48,7 +50,7 @@ def mitsuba_dict(scene: Scene) -> dict[str, Any]:
         "phase": phase_dict(scene, float(molecular_per_m(scene.water, at)[0]) / b if b else 0.0),
     }
     lamp: dict[str, Any] = {"type": "lightfield_lamp", "medium": {"type": "ref", "id": "water"}}
-    lamp["intensity"] = float(axial_intensity(scene.lamp, at)[0])
+    lamp["intensity"] = float(intensity[0])
     given = {name: value for name in PROPERTIES if (value := getattr(scene.lamp, name)) not in (None, ())}
     lamp |= {name: json.dumps(v) if name in CURVES else v for name, v in given.items()}
     height = len(grid.y_m) * grid.pitch_y_m
@@ -76,6 +78,22 @@ def mitsuba_dict(scene: Scene) -> dict[str, Any]:
         **shapes(scene, scene.reflectances[0], scene.reflectances[1] if scene.surface_reflects else None),
         **planes,
     }
+
+
+def left_out(scene: Scene) -> list[str]:
+    """What a scene says and its XML does not hold, for people."""
+    (low, high), *others = scene.detector.bands_nm
+    told = [f"it holds {low:g}-{high:g} nm, as at {_first_band(scene)[0][0]:.4g} nm, and no other band"]
+    beside = [
+        ("absorption that changes within the water", is_layered(scene.water)),
+        ("effects of your own on the path", bool(on_path(scene))),
+    ]
+    return told * bool(others) + [f"without {what}" for what, there in beside if there]
+
+
+def _first_band(scene: Scene) -> BandLight:
+    """The lamp's light in the first band, where its power has its centre; shape (1,)."""
+    return over_band(scene.lamp, *scene.detector.bands_read_nm[0], scene.detector, pieces=1)
 
 
 def write_xml(scene: Scene, path: str | os.PathLike[str]) -> Path:

@@ -54,8 +54,12 @@ class Picture(Result[camera.Picture]):
         return plot_picture(ax, self.details)
 
     def to_xarray(self) -> xr.Dataset:
-        """Linear light `rgb` over (row, column, colour), row 0 at the top."""
-        about = {"long_name": "linear light", "units": "1", "wavelengths_nm": camera.RGB_NM.tolist()}
+        """Linear light `rgb` over (row, column, colour), row 0 at the top, column 0 at the side of +x."""
+        about = {
+            "long_name": "linear light",
+            "units": "1",
+            "wavelengths_nm": self.details.wavelength_nm.tolist(),
+        }
         light = xr.DataArray(
             self.details.rgb,
             dims=("row", "column", "colour"),
@@ -75,7 +79,7 @@ class Picture(Result[camera.Picture]):
         flat = self.details.rgb.reshape(-1, 3)
         return pd.DataFrame({
             "colour": COLOURS,
-            "wavelength_nm": camera.RGB_NM,
+            "wavelength_nm": self.details.wavelength_nm,
             "median": np.median(flat, axis=0),
             "largest": flat.max(axis=0),
         })  # fmt: skip

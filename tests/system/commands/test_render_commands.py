@@ -13,7 +13,7 @@ from matplotlib.image import imread
 
 from lightfield.api.light.maps import render
 from lightfield.cli import main
-from lightfield.errors import LightfieldError
+from lightfield.errors import LightfieldError, RenderError
 from lightfield.maps.dataset import read_netcdf
 from lightfield.maps.exr import read_spectral_exr
 from lightfield.render.backend import use_backend
@@ -234,10 +234,28 @@ def test_a_colour_that_the_lamp_lacks_is_black_and_not_traced(monkeypatch):
 
 def test_a_water_whose_table_ends_before_red_is_shown_and_said_so():
     """Jerlov 5C is known from 300 to 575 nm."""
-    scene = Scene.from_dict({"lamp": {"spectrum": "led-green"}, "water": {"base": "jerlov-5C"}})
+    scene = Scene.from_dict({"water": {"base": "jerlov-5C"}})
     taken = take_picture(scene, width=16, height=16, samples=2)
-    assert taken.notes == (ShownAs(Shown.WAVELENGTH, 610.0, 575.0),)
-    assert str(taken.notes[0]) == "water at 610 nm shown as at 575 nm, where its table ends"
+    red = round(float(taken.wavelength_nm[0]), 1)
+    assert 640 < red < 650 and taken.notes == (ShownAs(Shown.WAVELENGTH, red, 575.0),)
+    assert str(taken.notes[0]) == f"water at {red:g} nm shown as at 575 nm, where its table ends"
+
+
+def test_a_narrow_lamp_lights_the_colour_that_it_has_in_water_of_its_own_wavelength():
+    """Of 505 nm, which is neither green nor blue alone on a screen; and none that is infrared."""
+    lamp = {"spectrum": {"peak_nm": 505.0, "fwhm_nm": 2.0}}
+    water = {"scattering_per_m": 0.1, "gradient_per_m2": 0.01}
+    scene = Scene.from_dict({"lamp": lamp, "water": water, "detector": {"planes_m": [5.0]}})
+    taken = take_picture(scene, width=16, height=16, samples=2)
+    assert taken.wavelength_nm[1] == pytest.approx(505.0, abs=0.1) and taken.rgb[..., 1].max() > 0
+    assert taken.notes == (ShownAs(Shown.LAYERS, pytest.approx(0.05), 0.0),)
+    with pytest.raises(RenderError, match="between 400 and 700 nm"):
+        take_picture(
+            scene.with_values({"lamp.spectrum": {"peak_nm": 900.0, "fwhm_nm": 20.0}}),
+            width=16,
+            height=16,
+            samples=2,
+        )
 
 
 @pytest.mark.parametrize(

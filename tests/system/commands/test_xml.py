@@ -8,6 +8,7 @@ from scipy.stats import chi2
 
 from lightfield import cli
 from lightfield.render.maps import render_scene
+from lightfield.render.xml import mitsuba_dict
 from lightfield.scene import Scene
 
 # Asymmetric, so that a map that is turned or taken from another plane is found out.
@@ -45,7 +46,7 @@ def test_mitsuba_renders_the_written_scene_like_lightfield(tmp_path, phase):
 
     scene = mi.load_file(str(xml))
     rendering = render_scene(Scene.load(file), max_photons=1e6, rel_error=0.001, seed=5, cache=False)
-    mean, stderr = rendering.maps(np.array([525.0]))
+    mean, stderr = rendering.maps()  # over the band
     z_squared = 0.0
     for number, sensor in enumerate(scene.sensors()):
         image = np.array(mi.render(scene, sensor=sensor, seed=7))[::-1]  # row 0 of an image is the top
@@ -54,6 +55,23 @@ def test_mitsuba_renders_the_written_scene_like_lightfield(tmp_path, phase):
         assert image[1, 2, 0] > image[1, 0, 0]  # the lamp is turned towards +x
         assert image[0, 1, 0] > image[2, 1, 0]  # and downwards
     assert 0.001 < chi2.sf(z_squared, 2 * 9) < 0.999
+
+
+def test_a_line_within_the_band_is_as_bright_as_its_mean_and_what_is_left_out_is_said(tmp_path, capsys):
+    """A laser off the middle of 50 nm: all its power over the band's width."""
+    scene = Scene.from_dict({
+        "lamp": {"spectrum": {"peak_nm": 505.0, "fwhm_nm": 1.0}, "power_w": 2.0, "profile": "isotropic"},
+        "water": {"layer_absorption_per_m": 0.1},
+        "detector": {"planes_m": [4.0], "pixels": 3, "bands_nm": [[500, 550], [550, 600]]},
+    })  # fmt: skip
+    assert mitsuba_dict(scene)["lamp"]["intensity"] == pytest.approx(2.0 / 50 / (4 * np.pi), rel=1e-3)
+    file = tmp_path / "scene.toml"
+    scene.save(file)
+    assert cli.main(["scene", str(file), "--to-xml", str(tmp_path / "scene.xml")]) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "note: it holds 500-550 nm, as at 505 nm, and no other band",
+        "note: without absorption that changes within the water",
+    ]
 
 
 def test_a_folder_is_no_place_for_the_file(tmp_path, capsys):

@@ -104,7 +104,7 @@ def test_a_riddle_of_impossible_numbers_is_refused(asked):
 
 def test_a_picture_is_drawn_tabled_and_saved(tmp_path):
     rgb = np.random.default_rng(1).uniform(0, 1e-4, (20, 30, 3))
-    seen = Picture(Taken(rgb, (ShownAs(Shown.ALBEDO, 0.0, 0.15),)))
+    seen = Picture(Taken(rgb, (ShownAs(Shown.ALBEDO, 0.0, 0.15),), np.array([640.0, 540.0, 450.0])))
     assert "30 x 20" in repr(seen) and "note: walls" in str(seen)
     data = json.loads(json.dumps(seen.as_data()))
     assert data["notes"] == ["walls shown with albedo 0.15 instead of 0"]

@@ -7,6 +7,7 @@ wavelength, so that any flip, transposition or mixed-up channel is noticed.
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import OpenEXR
@@ -271,3 +272,32 @@ def test_the_light_of_a_coloured_lamp_keeps_its_shape_in_a_picture(colour):
     shown = tone_mapped(rgb).reshape(-1, 3).astype(int)
     assert (np.diff(shown, axis=0) >= 0).all()
     assert len(np.unique(shown[480:, colour])) > 50 and (shown[:480, colour] < 160).all()
+
+
+def test_a_cropped_image_keeps_its_places(tmp_path, file, image):
+    """As a compositor crops it: the data window begins elsewhere, the attributes stay."""
+    with OpenEXR.File(str(file), separate_channels=True) as opened:
+        header = dict(opened.header())
+        channels = {name: channel.pixels[1:, 2:].copy() for name, channel in opened.channels().items()}
+    header["dataWindow"] = (np.array([2, 1], np.int32), np.array([4, 2], np.int32))
+    cropped = tmp_path / "cropped.exr"
+    OpenEXR.File(header, channels).write(str(cropped))
+    read = read_spectral_exr(cropped)
+    np.testing.assert_allclose(read.x_m, X[2:])
+    np.testing.assert_allclose(read.y_m, Y[:2], atol=1e-12)
+    np.testing.assert_allclose(read.value, image.value[:, :2, 2:], rtol=1e-6)
+
+
+def test_a_single_pixel_keeps_its_size(tmp_path, image):
+    one = replace(
+        image,
+        value=image.value[:, :1, :1],
+        stderr=None,
+        x_m=np.zeros(1),
+        y_m=np.zeros(1),
+        plane_m=(1.31, 0.77),
+    )
+    read = read_spectral_exr(write_spectral_exr(tmp_path / "one.exr", one))
+    assert read.plane_m == pytest.approx((1.31, 0.77))
+    again = read_spectral_exr(write_spectral_exr(tmp_path / "again.exr", read))
+    assert again.plane_m == pytest.approx((1.31, 0.77))

@@ -6,6 +6,8 @@ the beam without them, where slopes do not lead: it is laid over the forms thems
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from lightfield.diagnosis.problem.candidates import Candidate
@@ -22,12 +24,12 @@ from lightfield.scene.lamp.profile import radial_intensity
 _DIM = 1e-3
 
 
-def try_curves(pool: Pool, best: FittedSet, candidate: Candidate) -> None:
-    """Fit the lamp's curve in place of a form of its beam, and of the others that are special cases of it."""
+def try_curves(pool: Pool, best: FittedSet, names: Collection[str]) -> None:
+    """Fit the lamp's curve in place of the forms of its beam, if one of them has one of these names."""
     for curve in pool.problem.candidates:
         contains = curve.effect.contains
         of_lamp = field_of(curve.amplitudes[0].path) == PROFILE
-        if not of_lamp or candidate.name not in contains or curve.form.refines:
+        if not of_lamp or set(contains).isdisjoint(names) or curve.form.refines:
             continue
         whole = [*(c for c in best.explanation if c.name not in contains), curve]
         if pool.affordable(whole):

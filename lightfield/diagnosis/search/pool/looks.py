@@ -13,6 +13,7 @@ from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.backward import linear_backward
+from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
@@ -41,6 +42,7 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
     polish(pool, direct)
+    _bent(pool)
     best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)
     linear_backward(pool, best, named)
@@ -48,6 +50,19 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     if not all(map(named, pool.problem.candidates)):
         _curves(pool)
     return pool.best()
+
+
+def _bent(pool: Pool) -> None:
+    """Where a curve of the lamp does better than the named forms of its beam, what it grows to.
+
+    Of a lamp that no formula describes these stand for all that is missing, and few fits are left for light
+    that is scattered or reflected once all sets about them were tried in it.
+    """
+    best = pool.best()
+    try_curves(pool, best, best.names)
+    if pool.best() is not best:
+        polish(pool, lambda candidate: not candidate.effect.diffuse)
+        polish(pool, everything)
 
 
 def _curves(pool: Pool) -> None:

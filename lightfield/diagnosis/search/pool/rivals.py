@@ -45,7 +45,7 @@ def seek_rivals(pool: Pool, best: FittedSet, candidate: Candidate) -> None:
                 pool.fit(whole, [begin])
     try_declared(pool, best, candidate)
     try_beside(pool, best, candidate)
-    try_curves(pool, best, candidate)
+    try_curves(pool, best, [candidate.name])
     if _far(pool, best, without) < _NEAR:
         polish(pool, without, _ROUNDS, _SWAPS, _REACH)
 

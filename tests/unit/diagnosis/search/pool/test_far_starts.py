@@ -59,7 +59,7 @@ def test_a_lamps_curve_is_fitted_from_the_forms_that_stand_for_it() -> None:
     plain = pool.finished(pool.fit((), [Begin({})]))
     forms = pool.finished(pool.fit((shape, skirt), [Begin({})]))
     assert plain.fit.chi2 > 10 * forms.fit.chi2
-    try_curves(pool, forms, shape)
+    try_curves(pool, forms, [shape.name])
     best = min((n for n in pool.nodes.values() if "beam_profile" in n.names), key=lambda n: n.fit.chi2)
     assert best.fit.chi2 < forms.fit.chi2
     assert best.fit.chi2 < 84 + 4 * np.sqrt(2 * 84)
