@@ -37,7 +37,7 @@ LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
 #: A colour with less than this part of the brightest one's power is black in the picture: half a step of the
 #: dark end of sRGB (slope 12.92 over 255 steps) beside white.
 UNSEEN = 0.5 / 255 / 12.92
-#: Part of the mean over the whole spectrum that the brightest colour has at least: a tail is no light. Chosen.
+#: Part of the whole spectrum's mean that the brightest colour has at least: a tail is no light. Chosen.
 LEAST_SEEN = 1e-6
 BEAM_PIXELS = 256
 MAX_DEPTH = 10
