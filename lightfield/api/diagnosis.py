@@ -98,6 +98,7 @@ class Diagnosis(Result[diagnosing.Diagnosis]):
 
         return diagnosis_page(view_of(self.details))
 
+    @checked
     def save(self, folder: AnyPath) -> Diagnosis:
         """Write verdict, one scene per rung and fitted curves, and add the run to the folder's ledger.
 

@@ -69,8 +69,13 @@ def checked(function: Callable[_P, _R]) -> Callable[_P, _R]:
     @wraps(function)
     def call(*args: _P.args, **given: _P.kwargs) -> _R:
         for name, value in signature.bind(*args, **given).arguments.items():
+            if name not in kinds():  # self
+                continue
             if (rule := _broken(name, kinds()[name], value)) is not None:
-                shown = value if len(str(value)) < _SHOWN else type(value).__name__
+                told = str(value)
+                shown = value if len(told) < _SHOWN else type(value).__name__
+                if told in _EMPTY:
+                    shown = repr(value)
                 raise UsageError("not what this argument takes", where=name, found=shown, rule=rule)
         return function(*args, **given)
 
@@ -79,6 +84,8 @@ def checked(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 #: Longer values are named by their type.
 _SHOWN = 60
+#: What a sentence does not show of itself.
+_EMPTY = ("", "{}", "[]", "()")
 
 
 def _broken(name: str, annotation: object, value: object) -> str | None:
@@ -98,6 +105,8 @@ def _broken(name: str, annotation: object, value: object) -> str | None:
     if kind is Readings:
         return None if isinstance(value, Readings) else "readings as `load` gives them"
     origin, inside = get_origin(kind), get_args(kind)
+    if kind is bool:
+        return None if isinstance(value, (bool, np.bool_)) else "True or False"
     if kind in (float, int):
         words, holds = RANGES.get(name, ("", lambda value: True))
         if not _is_number(value, Integral if kind is int else Real):
@@ -134,7 +143,7 @@ def _broken_list(inside: object, value: object) -> str | None:
 def _broken_path(kinds: tuple[object, ...], value: object) -> str | None:
     """Of a file, or of what is in it."""
     several = Readings in kinds and Scene in kinds  # which of them it is, the function says
-    if several or isinstance(value, (str, PathLike)):
+    if several or isinstance(value, PathLike) or (isinstance(value, str) and value):
         return None
     one = tuple(kind for kind in kinds if get_origin(kind) is not Sequence)
     if len(one) < len(kinds) and _is_list(value):

@@ -51,7 +51,8 @@ class Riddle(Result[hiding.Hidden]):
     def headline(self) -> str:
         readings = self.details.readings
         planes = np.unique(readings.z_m).size
-        return f"{len(readings)} readings at {planes} distances; what is hidden in them stands in .truth"
+        at = f"{planes} distance{'s' * (planes != 1)}"
+        return f"{len(readings)} readings at {at}; what is hidden in them stands in .truth"
 
     def as_text(self) -> str:
         known = f"the light is known to {self.details.truth['light_error_percent']:.2g} %"
@@ -83,6 +84,7 @@ class Riddle(Result[hiding.Hidden]):
 
         return result_page(self, "A riddle", scene_toml=self.details.believed.to_toml())
 
+    @checked
     def save(self, folder: AnyPath) -> Path:
         """Write scene.toml and data.csv, and beside them truth.json, which says what was hidden.
 

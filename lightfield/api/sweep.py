@@ -37,6 +37,7 @@ class Sweep(Result[xr.Dataset]):
         self.path = path
 
     @classmethod
+    @checked
     def load(cls, path: AnyPath) -> Sweep:
         """A store that `sweep` or `lightfield sweep` wrote.
 

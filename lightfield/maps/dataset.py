@@ -65,8 +65,9 @@ def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = N
     -------
     xarray.Dataset
         Dimensions (wavelength_nm, z_m, y_m, x_m), or (wavelength_nm, position) where the scene lists single
-        positions; variables named after the quantity: `irradiance`, `irradiance_stderr`, and the same for the
-        parts `irradiance_direct` and `irradiance_diffuse`.
+        positions; wavelengths rise, whatever the order of the bands. Variables are named after the quantity:
+        `irradiance`, `irradiance_stderr`, and the same for the parts `irradiance_direct` and
+        `irradiance_diffuse`.
     """
     quantity = str(rendering.scene.detector.quantity)
     units, meaning = QUANTITIES[quantity]
@@ -105,7 +106,7 @@ def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = N
         dataset["wavelength_bounds_nm"] = (("wavelength_nm", "bound"), bands)
         for part in ("", "_direct", "_diffuse"):
             dataset[quantity + part].attrs["cell_methods"] = "wavelength_nm: mean area: mean (cell)"
-    return dataset
+    return dataset.sortby("wavelength_nm")
 
 
 def _places(rendering: Rendering | AtPlaces) -> tuple[tuple[str, ...], dict[str, _Placed]]:

@@ -132,7 +132,7 @@ def open_store(path: str | Path, quantity: str | None = None) -> xr.Dataset:
             rule=quantity or "maps of light",
             remedy="xarray opens it as it is",
         )  # fmt: skip
-    return data
+    return data.sortby("wavelength_nm") if "wavelength_nm" in data.dims else data
 
 
 @contextmanager

@@ -14,6 +14,7 @@ import xarray as xr
 from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
+from lightfield.errors import UsageError
 from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
 from lightfield.render.at_readings import render_positions
 from lightfield.render.limits import OF_MAPS, check_wavelengths
@@ -29,6 +30,7 @@ class Maps(Result[xr.Dataset]):
     """Rendered light on planes, or at single positions, with its Monte Carlo errors."""
 
     @classmethod
+    @checked
     def load(cls, path: AnyPath) -> Maps:
         """Maps of a file that `save` or `lightfield render` wrote (NetCDF).
 
@@ -55,9 +57,8 @@ class Maps(Result[xr.Dataset]):
         several = data.sizes["wavelength_nm"] > 1
         at = data.wavelength_nm.values
         colours = f"{len(at)} wavelengths, {at[0]:g} to {at[-1]:g} nm" if several else f"{at[0]:g} nm"
-        places = (
-            f"{data.sizes['z_m']} planes" if "z_m" in data.dims else f"{data.sizes['position']} positions"
-        )
+        place, along = ("plane", "z_m") if "z_m" in data.dims else ("position", "position")
+        places = f"{data.sizes[along]} {place}{'s' * (data.sizes[along] != 1)}"
         error = data.attrs.get("reached_relative_error")
         known = "" if error is None else f", relative error {float(f'{100 * float(error):.2g}'):g} %"
         return f"{plain(self.quantity)} on {places} at {colours}{known}"
@@ -121,13 +122,22 @@ class Maps(Result[xr.Dataset]):
         draw = [planes_figure] if "z_m" in self.details.dims else []
         return result_page(self, "Rendered light", *draw, scene_toml=self.details.attrs["scene_toml"])
 
+    @checked
     def save(self, path: AnyPath) -> Path:
         """Write the maps as NetCDF; `Maps.load` reads them back."""
         return write_netcdf(self.details, Path(path))
 
 
 def nearest_index(values: np.ndarray, wanted: float) -> int:
-    """Where in an array the value lies that is nearest to the wanted one."""
+    """Where in an array the value lies that is nearest to the wanted one.
+
+    Raises
+    ------
+    UsageError
+        No number.
+    """
+    if not np.isscalar(wanted) or not np.isreal(wanted):
+        raise UsageError("not what this argument takes", where="plot", found=wanted, rule="a number")
     return int(np.abs(values - wanted).argmin())
 
 

@@ -89,6 +89,7 @@ class Picture(Result[camera.Picture]):
 
         return result_page(self, "Camera view")
 
+    @checked
     def save(self, path: AnyPath) -> Path:
         """Write the view as PNG and, beside it, its linear light as EXR.
 

@@ -332,8 +332,10 @@ def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: Band
 
 
 def as_text(comparison: Comparison) -> str:
-    """One plain sentence: how much light the formula loses, and up to where it can be trusted."""
-    planes = comparison.at(comparison.wavelengths_nm[len(comparison.wavelengths_nm) // 2])
+    """One plain sentence: how much light the formula loses, and up to where it can be trusted; of several
+    wavelengths at the middle one."""
+    middle = comparison.wavelengths_nm[len(comparison.wavelengths_nm) // 2]
+    planes = comparison.at(middle)
     lit = [plane for plane in planes if plane.is_lit]
     if not lit:
         return "No light was rendered on any plane: nothing can be compared. More photons, or planes nearer."
@@ -341,7 +343,9 @@ def as_text(comparison: Comparison) -> str:
     unknown = f" No light was rendered at {dark} m: nothing can be compared there." if dark else ""
     first, last = lit[0], lit[-1]
     verbs = ["loses" if plane.lost >= 0 else "adds" for plane in (first, last)]
-    lost = f"Of the light on the plane the formula {verbs[0]} {_percent(abs(first.lost))} at {first.z_m:g} m"
+    light = f"At {middle:g} nm, of" if len(comparison.wavelengths_nm) > 1 else "Of"
+    lost = f"{light} the light on the plane the formula {verbs[0]} {_percent(abs(first.lost))}"
+    lost += f" at {first.z_m:g} m"
     if last is not first:
         verb = "" if verbs[0] == verbs[1] else f"{verbs[1]} "
         lost += f" and {verb}{_percent(abs(last.lost))} at {last.z_m:g} m"
@@ -379,7 +383,8 @@ def _told_off_axis(last: PlaneComparison) -> str:
     if np.isinf(radius):
         return f"off the axis it stays within 10 % to the edge of the plane at {last.z_m:g} m"
     if is_left and radius == 0:
-        return f"at {last.z_m:g} m it is more than 10 % off everywhere from the axis outwards"
+        outwards = " from the axis outwards" * bool(np.isfinite(last.axis.formula[0]))
+        return f"at {last.z_m:g} m it is more than 10 % off everywhere{outwards}"
     if is_left:
         return f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
     known = [] if np.isnan(radius) else [f"within 10 % to {radius:.2f} m"]

@@ -35,7 +35,7 @@ def as_text(report: FitReport) -> str:
     ]
     width = max(len(path) for path in report.estimates)
     for path, e in report.estimates.items():
-        error = f"+/- {e.stderr:.3g}" if e.stderr is not None else f"+/- none: {e.reason}"
+        error = f"± {e.stderr:.3g}" if e.stderr is not None else f"± none: {e.reason}"
         relative = f" ({100 * e.stderr / abs(e.value):.2f} %)" if e.stderr is not None and e.value else ""
         value = in_unit(f"{e.value:.6g}", e.unit)
         lines.append(f"    {path:<{width}} = {value} {error}{relative}")

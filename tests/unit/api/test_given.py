@@ -68,6 +68,10 @@ WRONG = {
     "no such task": (lambda: lf.array.optimise(POOL, task="x"), "task.*'docking'"),  # type: ignore[arg-type]
     "a box inside out": (lambda: lf.array.optimise(POOL, box=-1), "box.*0.01 to 10 m"),
     "detectors that look back": (lambda: lf.array.optimise(POOL, tilt_max=200), "tilt_max.*0 to 80"),
+    "a number as a folder": (lambda: lf.Maps.load(3), "path.*path of a file"),  # type: ignore[arg-type]
+    "no path at all": (lambda: lf.load(""), "path.*found \"''\".*path of a file"),
+    "an empty scene": (lambda: lf.render({}), "scene.*found '{}'"),  # type: ignore[arg-type]
+    "yes for a switch": (lambda: lf.render(POOL, cache="yes"), "cache.*True or False"),  # type: ignore[arg-type]
     "readings that are no file": (lambda: lf.pose.estimate(np.ones(3), POOL), "readings.*path"),  # type: ignore[arg-type]
     "one water for a list": (lambda: lf.pose.bias(POOL, scattering=0.1), "scattering.*list"),  # type: ignore[arg-type]
     "a size in words": (lambda: lf.picture(POOL, size="32x18"), "size.*32x18.*2 whole numbers"),  # type: ignore[arg-type]

@@ -21,6 +21,7 @@ from lightfield.maps.dataset import (
 from lightfield.maps.exr import read_spectral_exr
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
+from lightfield.studies.compare.maps import as_text, compare
 
 
 @pytest.fixture
@@ -42,6 +43,18 @@ def test_band_averages_say_their_band(dataset):
     np.testing.assert_array_equal(dataset.wavelength_nm, [525])
     np.testing.assert_array_equal(dataset.wavelength_bounds_nm, [[500, 550]])
     assert dataset.wavelength_nm.attrs["bounds"] == "wavelength_bounds_nm"
+
+
+def test_wavelengths_rise_whatever_the_order_of_the_bands(make):
+    """As xarray needs them to be found; the formula of several says which it speaks of."""
+    bands = [[600, 620], [440, 480], [500, 550]]
+    data = to_dataset(make(pixels=9, detector__bands_nm=bands, lamp__spectrum="planck"))
+    np.testing.assert_array_equal(data.wavelength_nm, [460, 525, 610])
+    np.testing.assert_array_equal(data.wavelength_bounds_nm, sorted(bands))
+    assert data.irradiance.sel(wavelength_nm=524, method="nearest").wavelength_nm == 525
+    dim, _, bright = data.irradiance.max(("z_m", "y_m", "x_m")).values  # a halogen lamp in grey water
+    assert dim < bright
+    assert as_text(compare(data)).startswith("At 525 nm, of the light on the plane the formula ")
 
 
 def test_provenance_brings_the_scene_back(dataset):
