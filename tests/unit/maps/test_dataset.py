@@ -45,15 +45,14 @@ def test_band_averages_say_their_band(dataset):
     assert dataset.wavelength_nm.attrs["bounds"] == "wavelength_bounds_nm"
 
 
-def test_wavelengths_rise_whatever_the_order_of_the_bands(make):
+def test_wavelengths_rise_whatever_the_order_of_the_bands():
     """As xarray needs them to be found; the formula of several says which it speaks of."""
     bands = [[600, 620], [440, 480], [500, 550]]
-    data = to_dataset(make(pixels=9, detector__bands_nm=bands, lamp__spectrum="planck"))
+    scene = Scene.from_dict({"detector": {"planes_m": [2.0], "pixels": 5, "bands_nm": bands}})
+    data = to_dataset(render_scene(scene, max_photons=1e4, rel_error=0.5, cache=False))
     np.testing.assert_array_equal(data.wavelength_nm, [460, 525, 610])
     np.testing.assert_array_equal(data.wavelength_bounds_nm, sorted(bands))
-    assert data.irradiance.sel(wavelength_nm=524, method="nearest").wavelength_nm == 525
-    dim, _, bright = data.irradiance.max(("z_m", "y_m", "x_m")).values  # a halogen lamp in grey water
-    assert dim < bright
+    assert (np.diff(data.irradiance.max(("z_m", "y_m", "x_m"))) > 0).all()  # a halogen lamp
     assert as_text(compare(data)).startswith("At 525 nm, of the light on the plane the formula ")
 
 
