@@ -37,6 +37,8 @@ MOST_PLACES = 4_000_000
 #: A beam that is wider is resolved everywhere, deg. Chosen: its tangent is large.
 _WIDEST_DEG = 80.0
 _AXES = ("x", "y", "z")
+#: Steps by which cells of a trace reach beyond the grid, see `Region.grid`; and what is rounding, m.
+_BEYOND, _ROUNDING_M = 1.5, 1e-9
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
         An impossible grid, or one that is not all in the water.
     """
     across, along = asked.axes()
-    _refuse_walls(scene, across, along)
+    _refuse_walls(scene, across, along, _BEYOND * asked.step_m if photons else 0.0)
     z, y, x = np.meshgrid(along, across, across, indexing="ij")
     place = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     direct = direct_flux(scene, place)
@@ -162,21 +164,33 @@ def resolved_from_m(scene: Scene, step_m: float) -> float:
     return max(step_m / float(np.tan(np.radians(half_deg))) - lamp.apparent_distance_m, 0.0)
 
 
-def _refuse_walls(scene: Scene, across: Array, along: Array) -> None:
-    """A grid that reaches into a wall, or above the surface, is refused; where light is traced, or not."""
+def _refuse_walls(scene: Scene, across: Array, along: Array, beyond_m: float) -> None:
+    """A grid that reaches into a wall, or above the surface, is refused; where light is traced, or not.
+
+    Parameters
+    ----------
+    beyond_m : float
+        How far cells of a trace reach beyond the grid, across.
+    """
     if scene.tank is None:
         return
     ends = [(float(v[0]), float(v[-1])) for v in (across, across, along)]
-    if all(low <= a and b <= high for (a, b), (low, high) in zip(ends, scene.tank.box_m, strict=True)):
+    *sides, length = scene.tank.box_m
+    room = [*((low + beyond_m, high - beyond_m) for low, high in sides), length]
+    told = zip(ends, room, strict=True)
+    if all(low - _ROUNDING_M <= a and b <= high + _ROUNDING_M for (a, b), (low, high) in told):
         return
+    widest = min(min(-low, high) for low, high in room[:2])
+    step_m = float(across[1] - across[0])
+    widest = step_m * np.floor(widest / step_m + _ROUNDING_M)
     raise RenderError(
         "the grid reaches out of the water",
         found=f"|x|, |y| up to {ends[0][1]:g} m, z from {ends[2][0]:g} to {ends[2][1]:g} m",
         rule="; ".join(
-            f"{low:.4g} <= {axis} <= {high:.4g}"
-            for axis, (low, high) in zip(_AXES, scene.tank.box_m, strict=True)
-        ),
-        remedy="ask for a smaller part of the water",
+            f"{low:.4g} <= {axis} <= {high:.4g}" for axis, (low, high) in zip(_AXES, room, strict=True)
+        )
+        + (f" ({beyond_m:g} m away from walls, for cells of the trace)" if beyond_m else ""),
+        remedy=f"a half width of {widest:g} m at most" if widest > 0 else "take smaller steps",
     )
 
 

@@ -110,6 +110,15 @@ def test_a_grid_that_leaves_the_water_is_refused_without_photons_too(asked: Aske
     assert "nothing traced" in found.attrs["source"]
 
 
+def test_the_half_width_that_a_refusal_names_is_one_that_is_taken() -> None:
+    """Beside the same walls, with photons, whose cells reach a step and a half beyond."""
+    tank = {"width_m": 2.0, "depth_m": 1.0, "length_m": 10.0, "behind_lamp_m": 0.5}
+    scene = Scene.from_dict({**SCENE, "tank": tank, "detector": {"planes_m": [4.5, 6.5], "width_m": 1.0}})
+    with pytest.raises(RenderError, match=r"a half width of 0\.3 m at most"):
+        field_dataset(scene, Asked(0.4, 4.5, 6.5, 0.1), photons=1e3)
+    assert field_dataset(scene, Asked(0.3, 4.5, 6.5, 0.1), photons=1e3).sizes["x"] == 7
+
+
 def test_a_grid_of_gigabytes_is_refused() -> None:
     with pytest.raises(UsageError, match="too many places"):
         Asked(5.0, 1.0, 100.0, 0.01).axes()
