@@ -12,8 +12,8 @@ import xarray as xr
 
 from lightfield.commands.shared.options import add_option
 from lightfield.errors import OutputError
+from lightfield.memory import byte_size
 from lightfield.storage.files import locked_folder
-from lightfield.sweep.estimate import byte_size
 from lightfield.sweep.results import axes_of, chosen_cases, decoded, open_store
 from lightfield.sweep.zarrfile import size_on_disk
 

@@ -17,6 +17,7 @@ from lightfield.commands.shared.console import console
 from lightfield.commands.shared.options import add_option, add_tracing, given
 from lightfield.commands.shared.progress import status_lines
 from lightfield.errors import UsageError
+from lightfield.memory import byte_size
 from lightfield.progress import duration
 from lightfield.render.limits import OF_SWEEPS, SEED
 from lightfield.scene import Scene
@@ -24,7 +25,6 @@ from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.cases import warn_of_idle
-from lightfield.sweep.estimate import byte_size
 from lightfield.sweep.results import verify
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
 from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan

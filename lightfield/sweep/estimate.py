@@ -7,6 +7,7 @@ from math import sqrt
 
 import numpy as np
 
+from lightfield.memory import byte_size
 from lightfield.progress import duration
 from lightfield.render.settings import PATH_NODES, batches_of
 from lightfield.sweep.sharing import Trace
@@ -93,12 +94,3 @@ def _own_values(plan: SweepPlan) -> list[str]:
         told = (f"{v:g}" if isinstance(v, float) else str(v) for v in alike.values())
         found.append("".join(f", {path} = {text}" for path, text in zip(alike, told, strict=True)))
     return found
-
-
-def byte_size(count: float) -> str:
-    """A number of bytes in the unit that suits it."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} TB"

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import copy
 import pickle
+from pathlib import Path
 
-from lightfield.memory import Latest
+import pytest
+
+from lightfield.memory import Latest, free_bytes
 
 
 def test_the_latest_are_kept_and_what_was_used_lately_too() -> None:
@@ -26,3 +29,11 @@ def test_copies_are_as_large() -> None:
         assert dict(other) == dict(kept)
         other["c"] = 3
         assert dict(other) == {"b": 2, "c": 3}
+
+
+def test_free_memory_is_told_or_unbounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert free_bytes() > 1e6
+    monkeypatch.setattr(Path, "read_text", lambda *_, **__: "MemTotal: 5 kB\nMemAvailable:   3 kB\n")
+    assert free_bytes() == 3 * 1024
+    monkeypatch.setattr(Path, "read_text", lambda *_, **__: "")  # a system that does not tell
+    assert free_bytes() == float("inf")

@@ -10,7 +10,8 @@ from math import ceil
 import drjit as dr
 import numpy as np
 
-from lightfield.memory import give_back
+from lightfield.errors import RenderError
+from lightfield.memory import byte_size, free_bytes, give_back
 from lightfield.progress import part_of_trace, tell
 from lightfield.render.backend import use_backend
 from lightfield.render.response.beam_nodes import BeamNodes
@@ -36,6 +37,8 @@ FIRST_LAUNCH = 1 << 16
 #: photons in less.
 LARGEST_LAUNCH = {"llvm": 1 << 20, "cuda": 1 << 22}
 PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
+#: What one batch takes beside the sums: its tally, and the copy that is added.
+_COPIES = 2
 DIRECTION_BATCHES = 8
 #: Of a tally by direction that is made at a time: for the rest of a larger one as many photons walk again.
 DIRECTIONS_BYTES = 120e6
@@ -66,6 +69,7 @@ def trace_until(
     setup = assembled(scene, grid, reference, images=images, path_nodes=path_nodes)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = batches_of(cells, rows)
+    _refuse_too_large(4.0 * (batches + _COPIES) * cells * rows)
     sums = np.zeros((batches, rows, cells), np.float32)
     listed = cells if images is None else len(images.place)
     largest = int(np.clip(PER_CELL * listed, FIRST_LAUNCH, LARGEST_LAUNCH[use_backend().kind]))
@@ -101,6 +105,16 @@ def trace_until(
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
         launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, largest)))
+
+
+def _refuse_too_large(needed: float) -> None:
+    """Refuse a tally that does not fit into memory, before the system ends the program for it."""
+    if needed > (free := free_bytes()):
+        raise RenderError(
+            "these maps do not fit into memory", where="detector",
+            found=f"about {byte_size(needed)} for their tallies", rule=f"{byte_size(free)} are free",
+            remedy="fewer pixels or planes, or render the planes one by one",
+        )  # fmt: skip
 
 
 def _tell(sent: int, judged: int, reached: float, settings: Settings) -> None:
