@@ -122,6 +122,11 @@ def refuse_unlit(scene: Scene) -> None:
     peak = float(axial_intensity(scene.lamp, at).max())
     if scene.detector.stray_light or over_bands(scene).intensity.max() > _LEAST_LIT * peak:
         return
+    if not peak > 0:  # nan, of a table without power
+        raise SceneError(
+            "the lamp gives no light at all", where="lamp.spectrum_table", found="no power at any wavelength",
+            rule="some above 0", remedy="correct the table",
+        )  # fmt: skip
     brightest = at[int(axial_intensity(scene.lamp, at).argmax())]
     raise SceneError(
         "the lamp gives no light in the bands that are seen", where="detector.bands_nm",

@@ -86,7 +86,7 @@ def check_all_inside(detector: Detector, lamp: Lamp, follower: Follower | None, 
         check_lamp_inside(lamp, tank)
         if follower is not None:
             place = (follower.x_m, follower.y_m, follower.z_m)
-            _check_place(place, tank, "move it, or enlarge the tank", "follower")
+            _check_place(place, tank, "move it, or enlarge the tank", {"follower": [*place]})
     nearest = detector.distances_m[0]
     if nearest < lamp.least_distance_m:
         raise RuleError(
@@ -106,13 +106,13 @@ def check_inside(detector: Detector, tank: Tank) -> None:
     """
     if detector.positions_m is not None:
         for place in detector.positions_m:
-            _check_place(place, tank, "move it, or enlarge the tank")
+            _check_place(place, tank, "move it, or enlarge the tank", {"detector.positions_m": [*place]})
         return
     remedy = "move it, or enlarge the tank"
     if "planes_m" not in detector.model_fields_set:
         remedy = f"give detector.planes_m (now its default, {list(detector.planes_m)}) or positions_m"
     for z in detector.planes_m:
-        _check_place((0.0, 0.0, z), tank, remedy)
+        _check_place((0.0, 0.0, z), tank, remedy, {"detector.planes_m": z})
     low, high = tank.box_m[1]
     for name, room, ends in (
         ("width_m", tank.width_m, told(tank, "width_m")),
@@ -185,10 +185,12 @@ def water_in(water: Water, tank: Tank | None) -> Water:
     return found
 
 
-def _check_place(place: tuple[float, float, float], tank: Tank, remedy: str, what: str = "detector") -> None:
+def _check_place(
+    place: tuple[float, float, float], tank: Tank, remedy: str, found: Mapping[str, object]
+) -> None:
     for k, (value, (low, high)) in enumerate(zip(place, tank.box_m, strict=True)):
         if not low <= value <= high:
-            raise _outside(f"{low:g} <= {'xyz'[k]} <= {high:g}", k, tank, {what: [*place]}, remedy)
+            raise _outside(f"{low:g} <= {'xyz'[k]} <= {high:g}", k, tank, found, remedy)
 
 
 def _outside(rule: str, axis: int, tank: Tank, found: Mapping[str, object], remedy: str) -> RuleError:

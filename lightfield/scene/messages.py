@@ -140,7 +140,7 @@ def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         unit = str(extra.get("unit", "1"))
         sort = "a whole number" if field.annotation is int else "a number"
-        remedy = "a value in that range" if kind in RANGE_ERRORS else "a number without quotes or unit"
+        remedy = "a value in that range" if kind in RANGE_ERRORS else f"{sort} without quotes or unit"
         if keys[-1] != name:
             return f"{_message(problem)} ({unit}): {meaning}", f"write {remedy}"
         return f"{sort} {_interval(owner, name)} ({unit}): {meaning}", f"write {name} = {remedy}"

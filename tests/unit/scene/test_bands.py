@@ -155,6 +155,17 @@ def test_a_lamp_that_no_band_sees_is_one_error(bands: list[list[float]], stray: 
             asked(scene)
 
 
+def test_a_spectrum_without_power_is_told_as_such(tmp_path: Path) -> None:
+    """Not as one whose brightest wavelength is the first that is looked at."""
+    (tmp_path / "dark.csv").write_text("wavelength_nm,power\n400,0\n700,0\n")
+    lamp = {"spectrum": "table", "spectrum_table": str(tmp_path / "dark.csv")}
+    with (
+        pytest.raises(SceneError, match=r"no light at all.*no power at any wavelength"),
+        np.errstate(all="ignore"),
+    ):
+        refuse_unlit(Scene.from_dict({"lamp": lamp, "detector": {"planes_m": [2.0]}}))
+
+
 @pytest.mark.parametrize(("band", "shift_nm"), [([400, 750], 0.0), ([425, 475], -20.0)])
 def test_water_amplifies_nowhere_in_a_band_as_it_is_read(band: list[float], shift_nm: float) -> None:
     """Pure water absorbs least at 416 nm, 0.0044 per m: far from the middles of these."""

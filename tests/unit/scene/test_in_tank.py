@@ -75,7 +75,7 @@ def test_cells_around_positions_are_means_over_their_part_in_the_tank() -> None:
         ({"width_m": 1.0}, {"width_m": 1.1}, ["detector.width_m = 1.1", "width_m = 1", "at most 1"]),
         ({}, {"width_m": 4.0}, ["detector.width_m = 4", "width_m = 3.66 (its default)"]),
         ({"lamp_depth_m": 0.4}, {"height_m": 1.0}, ["detector.height_m = 1", "y = 0.4", "at most 0.8"]),
-        ({"length_m": 0.9}, {}, ["[0.0, 0.0, 0.5]", "length_m = 0.9", "behind_lamp_m = 0.5 (its default)"]),
+        ({"length_m": 0.9}, {}, ["planes_m = 0.5", "length_m = 0.9", "behind_lamp_m = 0.5 (its default)"]),
         ({"width_m": 1.0}, {"positions_m": [[0.6, 0, 1]]}, ["[0.6, 0.0, 1.0]", "-0.5 <= x <= 0.5"]),
     ],
 )  # fmt: skip
@@ -90,7 +90,7 @@ def test_what_does_not_fit_is_refused_with_its_reason(
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[tank]\nlength_m = 3", ["[0.0, 0.0, 4.5]", "give detector.planes_m", "default, [4.5, 5.5"]),
+        ("[tank]\nlength_m = 3", ["detector.planes_m = 4.5", "give detector.planes_m", "default, [4.5, 5.5"]),
         ("[tank]\nlamp_depth_m = 3", ["lamp_depth_m = 3", "depth_m = 2.44 (its default)"]),
         ("[tank]\nlength_m = 0.4", ["behind_lamp_m = 0.5", "length_m = 0.4", "behind_lamp_m is its default"]),
         ("[tank]\n[lamp]\noffset_x_m = 2", ["lamp.offset_x_m = 2", "width_m = 3.66 (its default)"]),

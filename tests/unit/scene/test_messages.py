@@ -217,6 +217,7 @@ def test_a_water_is_known_in_small_letters_too() -> None:
 def test_a_value_that_does_not_fit_the_rest_is_named() -> None:
     """Not as "values: scene: not possible"."""
     with pytest.raises(
-        SceneError, match=r"^tank\.length_m = 3\.0: the scene as a whole is not possible; found detector = "
+        SceneError,
+        match=r"^tank\.length_m = 3\.0: the scene as a whole is not possible; found detector.planes_m = ",
     ):
         Scene.from_toml("[tank]\nlength_m = 12").with_values({"tank.length_m": 3.0})
