@@ -321,15 +321,16 @@ def _to_file(rows_upwards: ArrayLike) -> NDArray[np.float32]:
 PICTURE_UNITS = "relative radiance x lightfield.exposure; 1 is white"
 
 
-def write_rgb_exr(rgb: np.ndarray, factor: float, beside: Path, notes: Sequence[str]) -> Path:
+def write_rgb_exr(
+    rgb: np.ndarray, factor: float, beside: Path, notes: Sequence[str], attributes: Mapping[str, Attribute]
+) -> Path:
     """Write linear light, exposed by a factor as the PNG is, next to it, as 32-bit R, G, B."""
     header = {
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "comments": "; ".join(notes),
         "chromaticities": CHROMATICITIES,
-        "lightfield.exposure": np.array([factor]),
-        "lightfield.units": PICTURE_UNITS,
+        **_ours({"exposure": float(factor), "units": PICTURE_UNITS, **attributes}),
     }
     channels = {"RGB": np.ascontiguousarray(rgb * factor, np.float32)}
     return _written(header, channels, beside.with_suffix(".exr"))

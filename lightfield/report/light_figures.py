@@ -15,10 +15,13 @@ from lightfield.arrays import Array, evenly
 from lightfield.maps.exr import write_rgb_exr
 from lightfield.render.picture import Picture, exposure, tone_mapped
 from lightfield.report.style import MUTED, NARROW, SHORT_UNITS, extent_of, figure, save_pixels
+from lightfield.version import __version__
 from lightfield.wording import plain
 
 DECADES = 4.0
 PARTS = (0.5, 0.1, 0.01)
+#: Height over width that a map is given room for at least.
+_LEAST_TALL = 0.3
 
 
 def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
@@ -37,10 +40,11 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
     values = dataset[quantity].values
     x, y, top = dataset.x_m.values, dataset.y_m.values, float(np.nanmax(values))
     shape = (len(planes), 1) if narrow else (len(waves), len(planes))
+    tall = _LEAST_TALL if x.size < 2 or y.size < 2 else max(np.ptp(y) / np.ptp(x), _LEAST_TALL)
     size = (
-        (NARROW, 0.9 + 2.6 * len(planes))
+        (NARROW, 0.9 + (0.5 + 2.1 * tall) * len(planes))
         if narrow
-        else (max(4.4, 1.4 + 1.74 * len(planes)), 0.9 + 1.85 * len(waves))
+        else (max(4.4, 1.4 + 1.74 * len(planes)), 0.9 + (0.35 + 1.25 * tall) * len(waves))
     )
     with figure(*size) as fig:
         axes = fig.subplots(*shape, squeeze=False, sharex=True, sharey=True)
@@ -62,7 +66,7 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
         bar = fig.colorbar(shown, ax=axes, extend="min", pad=0.015, aspect=20)
         unit = dataset[quantity].attrs["units"]
         bar.set_label(f"{plain(quantity)}, {SHORT_UNITS.get(unit, unit)}", fontsize=9)
-        words = ["Contours: 50 %, 10 % and 1 % of the plane's maximum"]
+        words = ["Looking at the lamp", "contours: 50 %, 10 % and 1 % of the plane's maximum"]
         for shown_, there, name in (
             (len(planes), dataset.sizes["z_m"], "planes"),
             (len(waves), dataset.sizes["wavelength_nm"], "wavelengths"),
@@ -83,7 +87,12 @@ def light_map(axis: Axes, x_m: Array, y_m: Array, light: Array, top: float) -> A
 
 def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:
     """Write a camera view as PNG and, exposed alike, its linear light as EXR beside it, each whole."""
+    about = {
+        "orientation": "seen along the beam (+z) from behind the lamp: first row is up, columns run with -x",
+        "wavelength_nm": ", ".join(f"{nm:.1f}" for nm in taken.wavelength_nm),
+        "lightfield_version": __version__,
+    }
     return (
         save_pixels(tone_mapped(taken.rgb), path),
-        write_rgb_exr(taken.rgb, exposure(taken.rgb), path, [str(note) for note in taken.notes]),
+        write_rgb_exr(taken.rgb, exposure(taken.rgb), path, [str(note) for note in taken.notes], about),
     )

@@ -36,7 +36,10 @@ from lightfield.wording import plain
 
 MOST_PLANES, MOST_NARROW = 5, 3
 FLAT = 0.6  # height over width under which a panel has no room beside it for words
-ERROR_SCALE = 0.50  # the colours of error maps end here
+#: Where the colours of error maps end, and where a formula is mostly farther off than that.
+ERROR_SCALE, FAR_OFF = 0.50, 1.0
+#: Errors that profiles show, at least and at most.
+LEAST_SHOWN, MOST_SHOWN = (-0.52, 0.32), (-1.05, 2.0)
 CONTOURS = dict(zip(ERROR_LEVELS, ((0, (2, 2)), "solid"), strict=True))
 
 
@@ -57,8 +60,9 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
         shape = (n, 3) if narrow else (3, n)
         axes = fig.subplots(*shape, squeeze=False, sharex=True, sharey=True)
         axes = axes.T if narrow else axes
+        scale = _error_scale(planes)
         for column, plane in enumerate(planes):
-            light, error = _plane_maps(axes[:, column], plane, right=flat and not narrow)
+            light, error = _plane_maps(axes[:, column], plane, scale, right=flat and not narrow)
         _name_maps(axes, narrow, flat)
         bar, other = _colour_bars(fig, axes, light, error, narrow, flat)
         bar.set_label(f"{plain(quantity)}, 100 % in {SHORT_UNITS.get(units, units)}", fontsize=9)
@@ -66,7 +70,7 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
         drawn = f"{n} of {there} planes. " if n < there else ""
         gap = "\n" if narrow or n < 3 else " "
         fig.supxlabel(
-            f"{drawn}Contours: error beyond 5 % (dashed){gap}and 10 % (solid) after {SIGMAS:g} "
+            f"{drawn}Contours, if any: error beyond 5 % (dashed){gap}and 10 % (solid) after {SIGMAS:g} "
             "standard errors of noise",
             fontsize=8 if narrow else 9,
             color=MUTED,
@@ -74,7 +78,14 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
     return fig
 
 
-def _plane_maps(axes: Any, plane: PlaneComparison, right: bool) -> tuple[AxesImage, AxesImage]:
+def _error_scale(planes: Sequence[PlaneComparison]) -> float:
+    """Where colours of errors end: farther off where most of a plane would have the last one."""
+    with np.errstate(invalid="ignore"):
+        off = [np.abs(plane.ratio - 1)[plane.render > 0] for plane in planes]
+    return FAR_OFF if any(np.median(one) > ERROR_SCALE for one in off if one.size) else ERROR_SCALE
+
+
+def _plane_maps(axes: Any, plane: PlaneComparison, scale: float, right: bool) -> tuple[AxesImage, AxesImage]:
     """Render, formula and error of one plane; what is 100 % stands above, in the middle or on the right."""
     extent, peak = extent_of(plane.x_m, plane.y_m), float(np.nanmax(plane.render))
     for axis, values in zip(axes[:2], (plane.render, plane.formula), strict=True):
@@ -87,7 +98,7 @@ def _plane_maps(axes: Any, plane: PlaneComparison, right: bool) -> tuple[AxesIma
     )  # fmt: skip
     error = axes[2].imshow(
         np.where(plane.render > 0, plane.ratio - 1, np.nan), origin="lower", extent=extent, cmap="RdBu_r",
-        vmin=-ERROR_SCALE, vmax=ERROR_SCALE,
+        vmin=-scale, vmax=scale,
     )  # fmt: skip
     _contours(axes[2], plane)
     return light, error
@@ -143,6 +154,7 @@ def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fi
             axes = fig.subplots(
                 2, len(planes), squeeze=False, sharex=True, sharey="row", height_ratios=(1.35, 1)
             )
+        low, high = LEAST_SHOWN
         for column, plane in enumerate(planes):
             upper, lower, profile = axes[0, column], axes[1, column], plane.profile
             scale = float(np.nanmax(profile.render)) or np.nan  # an empty panel where no light was rendered
@@ -166,12 +178,15 @@ def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fi
                 ratio = np.where(profile.render > 0, profile.formula / profile.render, np.nan)
                 noise = np.where(profile.render > 0, ratio * band / profile.render, np.nan)
             error_band(lower, profile.r_m, ratio - 1, noise)
+            told = (ratio - 1)[np.isfinite(ratio) & (noise < 1)]
+            low, high = min(low, 1.1 * told.min(initial=0)), max(high, 1.1 * told.max(initial=0))
             if not narrow or column == len(planes) - 1:
                 lower.set_xlabel("r (m)")
             if narrow or not column:
                 upper.set_ylabel("relative" if narrow else "relative to the render's\nbrightest ring")
                 lower.set_ylabel("error" if narrow else "error of the formula")
-                lower.set_ylim(-0.52, 0.32)
+        for lower in axes[1]:
+            lower.set_ylim(max(low, MOST_SHOWN[0]), min(high, MOST_SHOWN[1]))
         axes[0, 0].legend(loc="lower left")
         if len(planes) < there:
             fig.suptitle(f"{len(planes)} of {there} planes", x=0.01, ha="left", fontsize=9, color=MUTED)
@@ -186,6 +201,9 @@ def axial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fig
         _on_axis(axis, z, planes)
         _half_widths(width, z, planes)
         _lacking_light(lost, z, planes)
+        room = lost.get_xlim()
+        for panel in (axis, width):
+            panel.set_xlim(room)
     return fig
 
 
@@ -201,6 +219,12 @@ def _on_axis(axis: Axes, z: Array, planes: Sequence[PlaneComparison]) -> None:
     axis.plot(z, formula / unit, color=FORMULA, linestyle=DASH, marker="s", markersize=4, label="formula")
     axis.set_yscale("log")
     axis.legend(loc="lower left")
+    missed = ", ".join(f"{at:g}" for at in z[~np.isfinite(formula)])
+    if missed:
+        axis.annotate(
+            f"the axis meets no cell at {missed} m", (0.98, 0.97), xycoords="axes fraction", ha="right",
+            va="top", fontsize=8.5, color=MUTED,
+        )  # fmt: skip
     label(axis, "z (m)", "% of the render at the first plane", "On the axis")
     plain_log_axis(axis.yaxis)
 
@@ -223,7 +247,7 @@ def _half_widths(axis: Axes, z: Array, planes: Sequence[PlaneComparison]) -> Non
         say_why_empty(axis, "the spot has no edge\non these planes,\nor too few cells")
         axis.set(xticks=[], yticks=[])
         return
-    axis.set_ylim(bottom=0)
+    axis.set_ylim(0, 1.05 * axis.get_ylim()[1])
     axis.legend(loc="lower right")
 
 

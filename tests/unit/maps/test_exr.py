@@ -26,6 +26,7 @@ from lightfield.maps.exr import (
 )
 from lightfield.render.picture import exposure, tone_mapped
 from lightfield.report.compare.exr_layers import write_layers
+from lightfield.scene import Scene
 from lightfield.studies.compare.maps import compare
 
 WAVELENGTHS = np.array([95.5, 500.0, 525.0, 1000.0])  # alphabetical order of the channels is another one
@@ -249,18 +250,21 @@ def test_layers_of_a_comparison_are_what_was_compared(tmp_path, make, light):
     assert header["lightfield.pixel_size_m"] == pytest.approx(size)
     assert header["lightfield.first_pixel_m"] == pytest.approx([plane.x_m[0], plane.y_m[-1]])
     assert header["pixelAspectRatio"] == pytest.approx(size[0] / size[1])
+    assert header["lightfield.scene_digest"] == comparison.scene.digest()
+    assert Scene.from_toml(header["lightfield.scene_toml"]) == comparison.scene
 
 
 def test_a_picture_is_exposed_and_says_how(tmp_path):
     """Four fifths of the lit part lie below a quarter of white, however bright the render."""
     rgb = 1e-4 * np.random.default_rng(1).uniform(0, 1, (20, 30, 3))
-    path = write_rgb_exr(rgb, exposure(rgb), tmp_path / "picture.png", ("lent",))
+    path = write_rgb_exr(rgb, exposure(rgb), tmp_path / "picture.png", ("lent",), {"orientation": "along"})
     with OpenEXR.File(str(path), separate_channels=True) as opened:
         header = dict(opened.header())
         shown = np.stack([opened.channels()[c].pixels for c in "RGB"], axis=-1)
     assert np.quantile(shown.max(axis=-1), 0.8) == pytest.approx(0.25, rel=1e-5)
     np.testing.assert_allclose(shown / header["lightfield.exposure"][0], rgb, rtol=1e-6)
     assert "relative radiance" in header["lightfield.units"] and header["comments"] == "lent"
+    assert header["lightfield.orientation"] == "along"
 
 
 @pytest.mark.parametrize("colour", range(3))
