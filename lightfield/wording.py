@@ -26,6 +26,11 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
+def rounded(value: float, digits: int = 2) -> str:
+    """So many significant digits, written out below a million: 850, not 8.5e+02."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
 def minus(number: str) -> str:
     """A number as it is printed, with a minus sign in place of hyphens."""
     return number.replace("-", "\N{MINUS SIGN}")

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from lightfield.report.style import to_svg
 from lightfield.version import __version__
+from lightfield.wording import rounded
 
 _FOLDER = Path(__file__).parent / "templates"
 
@@ -71,7 +72,7 @@ def page_figure(
 
 def three_digits(value: float | None) -> str:
     """Three significant digits, written out below a million; a dash for what is unknown."""
-    return "–" if value is None or not math.isfinite(value) else f"{float(f'{value:.3g}'):g}"
+    return "–" if value is None or not math.isfinite(value) else rounded(value, 3)
 
 
 def fill(template: str, **values: Any) -> str:

@@ -34,7 +34,7 @@ from lightfield.report.style import (
 )
 from lightfield.studies.compare.maps import PlaneComparison
 from lightfield.studies.compare.rings import SIGMAS
-from lightfield.wording import plain
+from lightfield.wording import plain, rounded
 
 #: Lines that a drawing can show apart.
 LINES = len(SERIES)
@@ -60,7 +60,9 @@ def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: fl
     ax = axes_for(ax)
     error = np.array([rung.error_percent for rung in ladder], float)
     if noise_floor_percent is not None:
-        ax.axhline(noise_floor_percent, color=GOOD, linewidth=1.2, label=f"noise {noise_floor_percent:.2g} %")
+        ax.axhline(
+            noise_floor_percent, color=GOOD, linewidth=1.2, label=f"noise {rounded(noise_floor_percent)} %"
+        )
     ax.plot(range(len(error)), error, "o-", color=RENDER, label="error of the fit")
     for k, rung in enumerate(ladder):
         if rung.rendered_error_percent is not None:
@@ -68,7 +70,7 @@ def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: fl
                 [k], [rung.rendered_error_percent], "*", color=FORMULA, markersize=12, label="rendered afresh"
             )
         if np.isfinite(error[k]):
-            ax.annotate(f"{error[k]:.2g} %", (k, error[k]), (7, 5), textcoords="offset points")
+            ax.annotate(f"{rounded(error[k])} %", (k, error[k]), (7, 5), textcoords="offset points")
     known = [v for v in (*error, noise_floor_percent) if v is not None and np.isfinite(v)]
     least, most = min(known, default=0.0), max(known, default=1.0)
     if least > 0 and most > FAR_APART * least:

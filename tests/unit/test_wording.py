@@ -7,7 +7,7 @@ from pathlib import Path
 
 import lightfield
 from lightfield.diagnosis.verdict.parts import Reason
-from lightfield.wording import capital, minus, plain
+from lightfield.wording import capital, minus, plain, rounded
 
 
 def test_names_are_words() -> None:
@@ -31,3 +31,8 @@ def test_they_are_made_in_one_place() -> None:
 def test_a_reason_is_said_shorter_without_its_cause() -> None:
     assert {one: one.short for one in Reason if one.short != one} == {Reason.TOO_WIDE: Reason.UNDETERMINED}
     assert all(str(one).startswith(str(one.short)) for one in Reason)
+
+
+def test_a_rounded_number_is_written_out() -> None:
+    assert [rounded(v) for v in (848.3, 3123.0, 0.01234, 12.0)] == ["850", "3100", "0.012", "12"]
+    assert rounded(2.1249, 3) == "2.12"

@@ -24,6 +24,7 @@ from lightfield.studies.compare import maps as comparing
 from lightfield.studies.compare import readings as fitting
 from lightfield.studies.compare import text
 from lightfield.studies.defaults import SOLVER
+from lightfield.wording import rounded
 
 if TYPE_CHECKING:
     from lightfield.report.style import Axes
@@ -92,7 +93,7 @@ class Fit(Result[fitting.FitReport]):
         error, misfit = found.error_percent, f"chi-square per degree of freedom {found.chi2_per_dof:.3g}"
         if np.isnan(error):
             return f"{name} is dark where the readings are bright, {misfit}"
-        return f"{name} follows the readings to {error:.2g} %, {misfit}"
+        return f"{name} follows the readings to {rounded(error)} %, {misfit}"
 
     def as_text(self) -> str:
         return text.as_text(self.details)

@@ -11,6 +11,7 @@ from lightfield.commands.shared.progress import progress_of
 from lightfield.render.limits import OF_MAPS
 from lightfield.render.maps import Rendering
 from lightfield.scene import Scene
+from lightfield.wording import rounded
 
 Made = TypeVar("Made")
 
@@ -32,9 +33,9 @@ def as_text(rendering: Rendering) -> str:
     """Photons, error and energy balance in two lines."""
     energy = rendering.energy
     unit = energy.emitted if energy.emitted else 1.0
-    reached = f"{100 * rendering.reached:.2g} %"
+    reached = f"{rounded(100 * rendering.reached)} %"
     if rendering.reached > rendering.settings.rel_error:
-        reached += f" (asked for {100 * rendering.settings.rel_error:.2g} %: raise --max-photons)"
+        reached += f" (asked for {rounded(100 * rendering.settings.rel_error)} %: raise --max-photons)"
     return (
         f"{rendering.response.photons:.3g} photons, relative error {reached}\n"
         f"energy: water {100 * energy.absorbed / unit:.2f} %, walls {100 * energy.walls / unit:.2f} %, "

@@ -31,6 +31,7 @@ from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import coefficients_in
+from lightfield.wording import rounded
 
 FIRST_LAUNCH = 1 << 16
 #: Between two launches lie some 30 ms of the host in the tow tank, beside an H100 that traces four million
@@ -120,8 +121,8 @@ def _refuse_too_large(needed: float) -> None:
 def _tell(sent: int, judged: int, reached: float, settings: Settings) -> None:
     """Say how far a trace is whose error was `reached` when `judged` photons had been sent."""
     by_now = reached * (judged / sent) ** 0.5 if judged else reached
-    goal = f", {100 * settings.rel_error:.2g} % asked for" if settings.rel_error > BY_PHOTONS else ""
-    error = f", error {100 * reached:.2g} %{goal}" if judged else ""
+    goal = f", {rounded(100 * settings.rel_error)} % asked for" if settings.rel_error > BY_PHOTONS else ""
+    error = f", error {rounded(100 * reached)} %{goal}" if judged else ""
     part = part_of_trace(sent, by_now, settings.rel_error, settings.max_photons)
     tell(f"{sent:.3g} photons{error}", part)
 

@@ -13,6 +13,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.speech import in_unit, join
 from lightfield.fitting.least_squares import Fit
+from lightfield.wording import rounded
 
 #: Error over that of the best of another search from which a search is behind: light that was traced anew, or
 #: readings set aside, change it by less. Chosen.
@@ -109,7 +110,7 @@ class SoFar:
 
 
 def _percent(error: float) -> str:
-    return "in no per cent (a dark model)" if isnan(error) else f"{error:.3g} %"
+    return "in no per cent (a dark model)" if isnan(error) else f"{rounded(error, 3)} %"
 
 
 def _effect(candidate: Candidate, best: BestSoFar) -> str:

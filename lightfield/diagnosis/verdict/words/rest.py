@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
 from lightfield.diagnosis.verdict.speech import UNITS, join, roughly
-from lightfield.wording import plain
+from lightfield.wording import plain, rounded
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit: derived.
 _CALLED = {
@@ -55,7 +55,7 @@ def _described(one: LeftOver) -> str:
     values = ", ".join(f"{name} = {_size(e)}" for name, e in one.parameters.items())
     enough = ", and nothing more is missing" if one.adequate else ""
     beside = f" beside {join(one.beside)}" if one.beside else ""
-    error = "" if one.error_percent is None else f": the error would be {one.error_percent:.2g} %"
+    error = "" if one.error_percent is None else f": the error would be {rounded(one.error_percent)} %"
     return (
         f"A {plain(one.name)}{beside} describes {one.removed_percent:.0f} % of what is left "
         f"({values}){error}{enough}. It says where the rest is, not what."
