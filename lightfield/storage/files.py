@@ -49,6 +49,10 @@ def output_folder(path: str | os.PathLike[str]) -> Path:
     return folder
 
 
+#: How the names of files end that are written into folders.
+_OF_FILES = (".nc", ".exr", ".png", ".csv", ".json", ".html", ".toml", ".npz")
+
+
 @contextmanager
 def locked_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """An output folder that no other command writes to inside the block: files of one run stay together.
@@ -59,9 +63,14 @@ def locked_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        As `output_folder`, or another command is writing there.
+        As `output_folder`, or it has the name of a file, or another command is writing there.
     """
     made = not Path(path).exists()
+    if made and Path(path).suffix in _OF_FILES:
+        raise OutputError(
+            "this is the name of a file, and a folder is asked for", where=str(path),
+            rule="several files are written, into one folder", remedy=f"{Path(path).with_suffix('')}",
+        )  # fmt: skip
     folder = output_folder(path)
     handle = os.open(folder, os.O_RDONLY)
     try:

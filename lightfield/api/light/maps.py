@@ -162,7 +162,7 @@ def render(
     rel_error : float
         Relative standard error asked of a trace, in 95 % of its lit cells.
     max_photons : float
-        A trace ends there even if the error is not reached.
+        A trace ends there even if the error is not reached; filled up to whole batches.
     seed : int
         Same seed, same result: to the last bit on one thread, to single precision on several.
     cache : bool

@@ -68,7 +68,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--max-photons": {
         "type": photon_count, "metavar": "N",
-        "help": "a trace ends there even if the error is not reached (default {})",
+        "help": "a trace ends about there even if the error is not reached (default {})",
     },
     "--seed": {
         "type": seed_number, "metavar": "N",

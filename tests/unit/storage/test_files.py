@@ -156,3 +156,13 @@ def test_a_link_to_a_file_and_one_that_leads_nowhere_are_written(tmp_path: Path)
             temporary.write_text("new")
         assert (tmp_path / link).read_text() == "new"
     assert (tmp_path / "old").read_text() == "old"
+
+
+def test_a_folder_is_not_made_with_the_name_of_a_file(tmp_path):
+    """`render -o maps.nc` made a folder of that name; one that is there already is taken."""
+    with pytest.raises(OutputError, match="name of a file"), locked_folder(tmp_path / "maps.nc"):
+        pass
+    (tmp_path / "run.csv").mkdir()
+    with locked_folder(tmp_path / "run.csv"), locked_folder(tmp_path / "scan.2"):
+        pass
+    assert not (tmp_path / "maps.nc").exists()
