@@ -67,6 +67,8 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
             )
         for column, group in enumerate(panels):
             _readings_panel(axes[:, column], view, group)
+        for upper, group in zip(axes[0], panels, strict=True):
+            _mark_no_light(upper, view, group)
         if _largest_misfit(view) > FAR_SIGMA:
             for lower in axes[1] if narrow else axes[1, :1]:
                 _linear_over_noise(lower)
@@ -74,8 +76,10 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
         for one in range(len(panels) if narrow else 1):
             axes[0, one].set_ylabel("reading / largest" if narrow else several)
             axes[1, one].set_ylabel("left over (σ)" if narrow else "reading \N{MINUS SIGN} model (σ)")
-        handles, names = axes[0, 0].get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else len(names))
+        told = {
+            name: one for axis in axes[0] for one, name in zip(*axis.get_legend_handles_labels(), strict=True)
+        }
+        fig.legend(told.values(), told, loc="outside lower center", ncols=1 if narrow else len(told))
         say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig
 
@@ -98,6 +102,18 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
     _over_decades(upper, value[~out])
     residual_panel(lower, view, at, rows, out)
     lower.set_xlabel(AXIS_NAMES[view.scan_axis])
+
+
+def _mark_no_light(upper: Axes, view: ReadingsView, group: Group) -> None:
+    """Readings of zero and below at the foot of a logarithmic axis, which has no place for them."""
+    at, rows, out = _sorted(view, group)
+    dark = ~out & (view.readings.value[rows] <= 0)
+    if upper.get_yscale() == "log" and dark.any():
+        foot = np.full(int(dark.sum()), 0.03)
+        upper.plot(
+            at[dark], foot, "v", color=DATA, markersize=5, mfc="none", label="zero or below",
+            transform=upper.get_xaxis_transform(),
+        )  # fmt: skip
 
 
 def _linear_over_noise(axis: Axes) -> None:

@@ -285,6 +285,20 @@ def test_readings_over_decades_are_drawn_logarithmically_and_the_ladder_comes_fi
     assert html.index("The error falls") < html.index("Readings and model")
 
 
+def test_readings_of_no_light_stand_at_the_foot_of_a_logarithmic_axis():
+    """Noise about zero takes some of them below it, where such an axis has no place."""
+    view = example()
+    dark = np.argsort(view.readings.value)[:2]
+    value = view.readings.value.copy()
+    value[dark] = (-1e-6, 0.0)
+    readings = dataclasses.replace(view.readings, value=value)
+    shown = data_figure(dataclasses.replace(view, readings=readings))
+    uppers = [axis for axis in shown.axes if axis.get_yscale() == "log"]
+    marks = [line for axis in uppers for line in axis.lines if line.get_label() == "zero or below"]
+    assert sum(len(mark.get_xdata()) for mark in marks) == 2
+    assert "zero or below" in [text.get_text() for text in shown.legends[0].get_texts()]
+
+
 def test_what_could_not_have_been_seen_is_listed_on_the_page_and_in_the_terminal(page):
     view, html = example("none"), page("none")
     assert "What could not have been seen" in html and "lamp drift" in html
