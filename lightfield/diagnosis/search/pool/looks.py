@@ -42,7 +42,7 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
     polish(pool, direct)
-    _bent(pool)
+    bent(pool)
     best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)
     linear_backward(pool, best, named)
@@ -52,8 +52,8 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     return pool.best()
 
 
-def _bent(pool: Pool) -> None:
-    """Where a curve of the lamp does better than the named forms of its beam, what it grows to.
+def bent(pool: Pool) -> FittedSet:
+    """The best set; where a curve of the lamp does better than named forms of its beam, what it grows to.
 
     Of a lamp that no formula describes these stand for all that is missing, and few fits are left for light
     that is scattered or reflected once all sets about them were tried in it.
@@ -63,6 +63,7 @@ def _bent(pool: Pool) -> None:
     if pool.best() is not best:
         polish(pool, lambda candidate: not candidate.effect.diffuse)
         polish(pool, everything)
+    return pool.best()
 
 
 def _curves(pool: Pool) -> None:

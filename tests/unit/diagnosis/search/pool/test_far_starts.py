@@ -9,12 +9,16 @@ import pytest
 from toy_pool import more_waves, pool_of
 from toy_problem import Toy, candidate, curve, layout
 
+from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.setup import problem_of
+from lightfield.diagnosis.problem.whitening import Whitener
+from lightfield.diagnosis.search.pool import looks
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
 from lightfield.diagnosis.search.pool.equivalences import try_beside
 from lightfield.diagnosis.search.pool.evidence import evidence
-from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
+from lightfield.diagnosis.search.preparation import whitened_test
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
@@ -66,6 +70,25 @@ def test_a_lamps_curve_is_fitted_from_the_forms_that_stand_for_it() -> None:
     assert (
         abs(best.fit.values["water.absorption_per_m"] - 0.1) < 3 * best.fit.stderr()["water.absorption_per_m"]
     )
+
+
+def test_a_lamps_curve_is_there_before_light_is_scattered_or_reflected() -> None:
+    """Where named forms of the beam took its place they filled all sets that such light was tried in."""
+    readings = soft_flood()
+    forward = SceneForward(SCENE, readings)
+    known = [effects.get(name) for name in ("beam_shape", "beam_skirt", "apparent_source")]
+    problem, _ = problem_of(forward, readings, [*known, *effects.curves().values()], None)
+    problem = problem.with_curves()
+    budget = Budget(0.0, 0.0, 0.0)
+    noise = Noise(problem.layout, readings.stderr, problem.value, budget, np.zeros(problem.layout.size))
+    whiten = Whitener(noise, 0.0, 1.0, 0.0)
+    pool = Pool(Ground(whitened_test(problem, whiten, np.random.default_rng(0)), 1.0, 80.0))
+    pool.finished(pool.fit((), [Begin({})]))
+    looks.forward(pool, pool.best(), 4, 14, looks.direct)
+    before = looks.polish(pool, looks.direct)
+    assert {"beam_shape", "beam_skirt"} <= before.names
+    bent = looks.bent(pool)
+    assert "beam_profile" in bent.names and pool.cost(bent) < pool.cost(before) - 50
 
 
 def of_two_names() -> Toy:
