@@ -121,7 +121,8 @@ def _parameter(
         "high": max(high, u),
         "neutral": neutral if p.coordinate in ("linear", "square") else None,
         "value": now,
-        "fitted": here.values.get(p.path) if here else None,
+        "fixed": p.is_held,
+        "fitted": here.values.get(p.path) if here and not p.is_held else None,
         "stderr": here.stderr.get(p.path) if here else None,
     }
 
@@ -156,7 +157,7 @@ def unfitted(fits: Fits, effects: tuple[str, ...], values: Mapping[str, float]) 
     e = fits.experiment
     paths = [p.path for p in e.problem.base]
     paths += [p.path for key in effects for p in e.candidates[key].parameters]
-    return fits.score(e.forward.predict({path: values[path] for path in paths}), len(paths))
+    return fits.score(e.forward.predict({path: values[path] for path in paths}), fits.moved(effects))
 
 
 def ladder(fits: Fits, state: State) -> list[dict[str, object]]:

@@ -49,8 +49,7 @@ class Evaluator:
         e = self.experiment
         values = self.values(state)
         model = e.forward.predict(values)
-        free = len(e.problem.base) + sum(len(e.candidates[key].parameters) for key in state.effects)
-        score = self.fits.score(model, free)
+        score = self.fits.score(model, self.fits.moved(state.effects))
         residual = np.where(e.problem.keep > 0, (e.problem.value - model) / e.sigma, np.nan)
         arrays = {"model": model, "formula": formula(e.forward, values), "residual": residual}
         some, there = self._plane(plane, channel), self._at_maps(values, channel)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,12 +10,12 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
-from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.layout import Layout, layout_of
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
-from lightfield.diagnosis.problem.untestable import Untestable, in_words
+from lightfield.diagnosis.problem.untestable import Hindrance, Untestable, in_words
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.preparation import bench, prepare_problem
 from lightfield.diagnosis.verdict.calibration import by_shape
@@ -25,6 +25,7 @@ from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource, remembered
 from lightfield.fitting.effects.registry import effect_name
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.parameter import FitParameter
 from lightfield.fitting.retraced import Retraced
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
@@ -49,7 +50,8 @@ class Experiment:
     readings : Readings
         What the model is held against: data, or the render of the scene at some places of the maps.
     problem : Problem
-        Its scene has every effect off that can be switched.
+        Its scene has every effect off that can be switched; what these readings do not tell of one that the
+        scene has is held as stated, and switched with it.
     phi : float
         Variance of the noise over that of `whiten`.
     sigma : array, shape (n,)
@@ -104,11 +106,12 @@ class Experiment:
     @cached_property
     def switched_on(self) -> tuple[str, ...]:
         """The effects that the scene itself has, by "effect:form"."""
-        found: dict[str, str] = {}
-        for key, candidate in self.candidates.items():
-            if any(p.path in self.stated for p in candidate.amplitudes):
-                found.setdefault(candidate.name, key)
-        return tuple(found.values())
+        return tuple(":".join(one.key) for one in _stated_forms(self.candidates.values(), self.stated))
+
+    def held(self, keys: Iterable[str]) -> dict[str, float]:
+        """Values of what comes with some effects and no fit moves, by path."""
+        parameters = (p for key in keys for p in self.candidates[key].parameters)
+        return {p.path: p.value(p.start) for p in parameters if p.is_held}
 
 
 def explored(
@@ -136,19 +139,18 @@ def explored(
     """
     readings = readings.check_against(scene) if readings is not None else None
     places, stated = MapPlaces.of(scene, readings), _stated(scene)
-    plain = _switched_off(scene, stated)
     if readings is None:
-        return _against_render(scene, plain, stated, places, diffuse, dense_per_m, progress)
+        return _against_render(scene, stated, places, diffuse, dense_per_m, progress)
     progress(f"judging the noise of {len(readings)} readings")
-    source, reason = source_of(plain, diffuse, readings)
-    source = remembered(source)
+    source, reason = source_of(_switched_off(scene, stated), diffuse, readings)
+    source, plain = remembered(source), _plain(scene, stated, readings, reason)
     plain, quoted, budget = spectral(plain, readings), np.asarray(readings.stderr, float), budget_of(readings)
     every = [*effects.all_of(scene).values(), *effects.curves().values()]
     traces = Retraced(plain, readings, source)
     traces.asked = dense_per_m
     for forward in traces:
         problem, untestable = problem_of(forward, readings, every, reason)
-        problem = by_shape(problem)
+        problem = by_shape(_with_stated(problem, stated))
         rng = np.random.default_rng(0)
         prepared = prepare_problem(problem, quoted, budget, rng)
         traces.asked = None if dense_per_m is not None else prepared.to_trace_per_m
@@ -163,7 +165,6 @@ def explored(
 
 def _against_render(
     scene: Scene,
-    plain: Scene,
     stated: Mapping[str, float],
     places: MapPlaces,
     diffuse: DiffuseSource | str | None,
@@ -172,10 +173,11 @@ def _against_render(
 ) -> Experiment:
     """Without readings: the traced light of the scene as it stands takes their place."""
     progress("tracing the scene")
-    columns = dict(places.columns)
-    direct = direct_field(plain, columns["x_m"], columns["y_m"], columns["z_m"])
+    columns, off = dict(places.columns), _switched_off(scene, stated)
+    direct = direct_field(off, columns["x_m"], columns["y_m"], columns["z_m"])
     every = Readings.from_arrays(value=direct, **columns).check_against(scene)
-    source, reason = source_of(plain, diffuse, every)
+    source, reason = source_of(off, diffuse, every)
+    plain = _plain(scene, stated, every, reason)
     whole = SceneForward(plain, every, remembered(source), full=1.0, dense_per_m=dense_per_m)
     light = whole.predict(stated)
     number = np.arange(SIDE)
@@ -194,6 +196,7 @@ def _against_render(
     forward = SceneForward(plain, seen, full=float(value.max()), light=light_source)
     table = [*effects.all_of(scene).values(), *effects.curves().values()]
     problem, untestable = problem_of(forward, seen, table, reason)
+    problem = _with_stated(problem, stated)
     layout, zero = layout_of(seen), np.zeros(len(seen))
     whiten = Whitener(Noise(layout, sigma, value, Budget(0.0, 0.0, 0.0), zero))
     return Experiment(
@@ -215,22 +218,70 @@ def _stated(scene: Scene) -> dict[str, float]:
     known, out = scene.parameters(), dict[str, float]()
     for effect in effects.all_of(scene).values():
         for form in effect.forms:
-            on = [f.path for f in form.amplitudes if f.path in known and _is_on(scene, f.path)]
-            if on:
-                out |= {p: known[p].value for p in on}
-                out |= {f.path: known[f.path].value for f in form.shapes if f.path in known}
+            amplitudes, shapes = (
+                [known[f.path] for f in some if f.path in known] for some in (form.amplitudes, form.shapes)
+            )
+            if any(map(_is_on, amplitudes)):
+                own = [p for p in (*amplitudes, *shapes) if p.neutral is None or _is_on(p)]
+                out |= {p.path: p.value for p in own}
     return out
 
 
-def _is_on(scene: Scene, path: str) -> bool:
-    parameter = scene.parameters()[path]
+def _is_on(parameter: Parameter) -> bool:
     return parameter.neutral is not None and parameter.value != parameter.neutral
 
 
-def _switched_off(scene: Scene, stated: Mapping[str, float]) -> Scene:
+def _switched_off(scene: Scene, paths: Iterable[str]) -> Scene:
     known = scene.parameters()
-    off = {path: known[path].neutral for path in stated if _is_on(scene, path)}
+    off = {path: known[path].neutral for path in paths if _is_on(known[path])}
     return scene.with_values(off) if off else scene
+
+
+def _plain(
+    scene: Scene, stated: Mapping[str, float], readings: Readings, without_diffuse: Hindrance | None
+) -> Scene:
+    """The scene without its effects, but for those that cannot be switched here: they stay as stated."""
+    low, high = scene.detector.bands_nm[0]
+    layout, absolute = layout_of(readings), readings.scale == "absolute"
+    own = [effect for effect in effects.all_of(scene).values() if stated.keys() & {*effect.paths}]
+    while True:
+        plain = _switched_off(scene, stated.keys() & {path for effect in own for path in effect.paths})
+        # The size of the readings and what the base model frees do not matter: only what can be told does.
+        setting = Setting(plain, layout, 1.0, float(high - low), absolute)
+        _, untestable = candidates(setting, own, (), without_diffuse)
+        if not untestable:
+            return plain
+        own = [effect for effect in own if effect.name not in untestable]
+
+
+def _stated_forms(every: Iterable[Candidate], stated: Mapping[str, float]) -> tuple[Candidate, ...]:
+    """Of each effect that the scene has the form with most of what is stated, of equal ones the usual one."""
+    found: dict[str, Candidate] = {}
+    for one in every:
+        if stated.keys() & {*one.effect.paths}:
+            of_those = found.setdefault(one.name, one), one
+            found[one.name] = max(of_those, key=lambda c: len(stated.keys() & {p.path for p in c.parameters}))
+    return tuple(found.values())
+
+
+def _with_stated(problem: Problem, stated: Mapping[str, float]) -> Problem:
+    """Its effects bring all that the scene states of them: what their form does not move is held."""
+    rest = {}
+    for one in _stated_forms(problem.candidates, stated):
+        moved = {p.path for p in one.parameters}
+        rest[one.name] = {p: stated[p] for p in one.effect.paths if p in stated and p not in moved}
+    return replace(problem, candidates=tuple(_holding(c, rest.get(c.name, {})) for c in problem.candidates))
+
+
+def _holding(candidate: Candidate, values: Mapping[str, float]) -> Candidate:
+    """A candidate that brings values which no fit moves."""
+    moved = {p.path for p in candidate.parameters}
+    held = [
+        FitParameter(path, value, value, value, 0.0) for path, value in values.items() if path not in moved
+    ]
+    more = [p.start for p in held]
+    grid = tuple((*point, *more) for point in candidate.grid)
+    return replace(candidate, shapes=(*candidate.shapes, *held), grid=grid)
 
 
 def candidate_of(experiment: Experiment, key: str) -> Candidate:

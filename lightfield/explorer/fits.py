@@ -122,11 +122,11 @@ class Fits:
         return fitted
 
     def base(self, keys: tuple[str, ...], held: Mapping[str, float]) -> Fitted:
-        """A fit of the base parameters alone, the effects as stated."""
+        """A fit of the base parameters alone, the effects as stated, and off as far as nothing is."""
         model = self.experiment.problem.model(self.explanation(keys))
         free = {p.path for p in self.experiment.problem.base}
         parameters = tuple(
-            p if p.path in free or p.path not in held else p.held(p.coordinate_of(held[p.path]))
+            p if p.path in free else p.held(p.coordinate_of(held[p.path]) if p.path in held else p.start)
             for p in model.parameters
         )
         some = Model(model.forward, parameters)
@@ -160,6 +160,11 @@ class Fits:
         residual = e.whiten(e.problem.keep * (e.problem.value - prediction))
         dof = max(int(e.problem.keep.sum()) - parameters, 1)
         return Goodness(percent(e.problem, prediction, self.counted), float(residual @ residual) * e.phi, dof)
+
+    def moved(self, keys: Iterable[str]) -> int:
+        """How many parameters a fit of some effects moves."""
+        own = (p for key in keys for p in self.experiment.candidates[key].parameters)
+        return sum(not p.is_held for p in (*self.experiment.problem.base, *own))
 
     @property
     def floor_percent(self) -> float:

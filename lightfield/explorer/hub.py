@@ -292,7 +292,8 @@ class Hub:
             return partial(compared, e.forward.scenes.at(session.evaluator.values(now)))
         ladder = session.state_data()["ladder"]
         rungs = [{"effects": [*now.effects[: rung["at"]]], **rung} for rung in ladder]
-        return partial(climbed, e.forward.scene, e.readings, now.effects, rungs, session.diffuse is not None)
+        scene = e.forward.scenes.at(e.held(now.effects))
+        return partial(climbed, scene, e.readings, now.effects, rungs, session.diffuse is not None)
 
     def _light_planes(self) -> None:
         def work(tell: Tell) -> Awaitable[None]:

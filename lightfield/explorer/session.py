@@ -130,7 +130,8 @@ class Session:
         e = self.experiment
         base = self.fits.of(())
         if e.gain is not None:
-            known = {p.path: p.value(p.start) for p in e.problem.base}
+            own = (p for key in e.switched_on for p in e.candidates[key].parameters)
+            known = {p.path: p.value(p.start) for p in (*e.problem.base, *own)}
             return State(e.switched_on, known | {"gain": e.gain} | dict(e.stated), "the scene as it stands")
         if not e.switched_on:
             return State((), dict(base.values), "fit of gain, width and absorption")
