@@ -10,7 +10,6 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.explorer.fits import Fits
-from lightfield.explorer.places import SIDE
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.parameter import GAIN
@@ -30,7 +29,7 @@ class Evaluation:
         error_percent, chi2, dof, and whether the trace answers for this water.
     arrays : mapping
         model, formula, residual (sigma): shape (n,), of the readings. map_formula, and map_render once it
-        is traced: shape (SIDE, SIDE), at the plane.
+        is traced: shape (SIDE, SIDE), at the plane; NaN outside the water.
     """
 
     numbers: Mapping[str, float | bool | None]
@@ -53,9 +52,9 @@ class Evaluator:
         residual = np.where(e.problem.keep > 0, (e.problem.value - model) / e.sigma, np.nan)
         arrays = {"model": model, "formula": formula(e.forward, values), "residual": residual}
         some, there = self._plane(plane, channel), self._at_maps(values, channel)
-        arrays["map_formula"] = formula(some, there).reshape(SIDE, SIDE)
+        arrays["map_formula"] = e.places.map_of(formula(some, there))
         if with_maps:
-            arrays["map_render"] = some.predict(there).reshape(SIDE, SIDE)
+            arrays["map_render"] = e.places.map_of(some.predict(there))
         numbers: dict[str, float | bool | None] = {
             "error_percent": score.error_percent,
             "chi2": score.chi2,
@@ -68,7 +67,7 @@ class Evaluator:
         """Standard error of the render at a plane, shape (SIDE, SIDE): photons, and what varies slowly."""
         values = self._at_maps(self.values(state), channel)
         modes, smooth = self._plane(plane, channel).errors(values)
-        return np.hypot(np.linalg.norm(modes, axis=1), smooth).reshape(SIDE, SIDE)
+        return self.experiment.places.map_of(np.hypot(np.linalg.norm(modes, axis=1), smooth))
 
     def values(self, state: State) -> dict[str, float]:
         """Values that count: of the base and of effects that are on."""

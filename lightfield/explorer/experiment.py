@@ -180,14 +180,13 @@ def _against_render(
     plain = _plain(scene, stated, every, reason)
     whole = SceneForward(plain, every, remembered(source), full=1.0, dense_per_m=dense_per_m)
     light = whole.predict(stated)
-    number = np.arange(SIDE)
-    coarse = number % EVERY == (SIDE // 2) % EVERY
-    rows = np.tile(np.outer(coarse, coarse).ravel(), len(places.z_m))
+    rows = places.some(np.arange(SIDE) % EVERY == (SIDE // 2) % EVERY)
     scale = 1.0 / float(light.max())
     modes, smooth = whole.subset(rows).errors(stated)
     own = scale * np.hypot(np.linalg.norm(modes, axis=1), smooth)
     value = scale * light[rows]
-    top = np.repeat(value.reshape(len(places.z_m), -1).max(axis=1), coarse.sum() ** 2)
+    by_plane = value.reshape(len(places.z_m), -1)
+    top = np.repeat(by_plane.max(axis=1), by_plane.shape[1])
     sigma = np.sqrt(own**2 + (PERCENT / 100 * value) ** 2 + (FLOOR_PERCENT / 100 * top) ** 2)
     columns = {name: column[rows] for name, column in columns.items()}
     seen = Readings.from_arrays(value=value, stderr=sigma, **columns).check_against(scene)
@@ -206,7 +205,7 @@ def _against_render(
 
 
 def _at_maps(forward: SceneForward, places: MapPlaces) -> tuple[SceneForward, ...]:
-    n = SIDE * SIDE * len(places.z_m)
+    n = len(places.columns["z_m"])
     return tuple(
         forward.at(MAP_SHARE, **places.columns, wavelength_nm=np.full(n, w))
         for w in forward.light.diffuse.channels[0]

@@ -1,4 +1,4 @@
-"""Where the explorer shows light: a square of places on every plane."""
+"""Where the explorer shows light: a square of places on every plane, as far as it is in the water."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.readings import Readings
 from lightfield.scene import Scene
+from lightfield.scene.in_tank import cells_inside
 
 #: Places along the side of a map, odd: one is on the axis. Chosen: light bends over half a metre.
 SIDE = 41
@@ -31,11 +32,14 @@ class MapPlaces:
         Distance of each plane.
     x_m, y_m : arrays, shape (SIDE,)
         The same on all planes.
+    wet : array of bool, shape (SIDE, SIDE)
+        Which of them are in the water; there is light to show at those alone.
     """
 
     z_m: tuple[float, ...]
     x_m: Array
     y_m: Array
+    wet: NDArray[np.bool_]
 
     @classmethod
     def of(cls, scene: Scene, readings: Readings | None) -> MapPlaces:
@@ -51,12 +55,14 @@ class MapPlaces:
             z = z[np.round(np.linspace(0, len(z) - 1, MOST_PLANES)).astype(int)]
         width, height = scene.plane_size_m
         middles = (np.arange(SIDE) + 0.5) / SIDE - 0.5
-        return cls(tuple(z.tolist()), width * middles, height * middles)
+        x, y = width * middles, height * middles
+        wet = cells_inside(scene.tank, x, y, width / SIDE, height / SIDE) >= 0.5  # their middles are
+        return cls(tuple(z.tolist()), x, y, wet)
 
     @cached_property
     def columns(self) -> Mapping[str, NDArray[np.generic]]:
-        """Columns of readings at all places, each of shape (n_planes * SIDE * SIDE,)."""
-        z, y, x = np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij")
+        """Columns of readings at all places in the water, plane by plane, each of shape (n,)."""
+        z, y, x = (v[:, self.wet] for v in np.meshgrid(self.z_m, self.y_m, self.x_m, indexing="ij"))
         n = z.size
         return {
             "x_m": x.ravel(),
@@ -67,9 +73,17 @@ class MapPlaces:
         }
 
     def rows(self, plane: int) -> NDArray[np.bool_]:
-        """Which of all places lie on a plane."""
-        out = np.zeros(len(self.z_m) * SIDE * SIDE, bool)
-        out[plane * SIDE * SIDE : (plane + 1) * SIDE * SIDE] = True
+        """Which of all places in the water lie on a plane."""
+        return np.repeat(np.arange(len(self.z_m)) == plane, self.wet.sum())
+
+    def some(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which of all places in the water lie in kept columns and rows of a map, shape (SIDE,) each."""
+        return np.tile(np.outer(kept, kept)[self.wet], len(self.z_m))
+
+    def map_of(self, values: Array) -> Array:
+        """Values at the places of a plane as a map, shape (SIDE, SIDE); NaN outside the water."""
+        out = np.full(self.wet.shape, np.nan)
+        out[self.wet] = values
         return out
 
 

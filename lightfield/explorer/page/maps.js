@@ -1,8 +1,9 @@
 "use strict";
 // Maps on canvases: render and formula in one scale of blues, their ratio in orange (too little) and blue (too much)
-// over a factor of ten either way.
+// over a factor of ten either way. Where there is no water, or nothing to compare with, they are grey.
 LF.dark = [[8, 20, 40], [10, 60, 120], [11, 107, 184], [80, 170, 225], [190, 225, 245], [255, 252, 225]];
 LF.parting = [[150, 60, 10], [214, 120, 60], [240, 200, 170], [245, 245, 245], [170, 205, 235], [70, 140, 200], [10, 70, 140]];
+LF.none = [140, 140, 140, 255];
 
 LF.shade = (ramp, t, out, k) => {
   const at = Math.min(0.9999, Math.max(0, t)) * (ramp.length - 1), i = Math.floor(at), f = at - i;
@@ -17,6 +18,7 @@ LF.paintMap = (canvas, values, side, tone) => {
   for (let row = 0; row < side; row++) for (let column = 0; column < side; column++) {
     const value = values[(side - 1 - row) * side + column], k = 4 * (row * side + column);
     if (Number.isFinite(value)) tone(value, out, k);
+    else out.set(LF.none, k);
   }
   context.putImageData(image, 0, 0);
 };

@@ -337,6 +337,7 @@ LF.showCursor = () => {
   if (!LF.cursor || !s || !s.map_formula) return;
   const side = e.map_x_m.length, [column, row] = LF.cursor, k = row * side + column;
   const words = [`x ${LF.number(e.map_x_m[column], 2)} m, y ${LF.number(e.map_y_m[row], 2)} m:`];
+  if (Number.isNaN(s.map_formula[k])) { place.textContent = `${words[0]} outside the water`; return; }
   if (s.map_render) words.push(`render ${LF.number(s.map_render[k], 3)}${LF.errors ? ` ± ${LF.number(LF.errors[k], 1)}` : ""},`);
   words.push(`formula ${LF.number(s.map_formula[k], 3)}`);
   if (s.map_render) words.push(`(${LF.number((100 * s.map_formula[k]) / s.map_render[k], 3)} %)`);

@@ -22,6 +22,13 @@
     };
   };
 
+  // Light is known at the places of a map that are in the water.
+  const mapOf = (values) => {
+    const out = new Float32Array(e.map_x_m.length * e.map_y_m.length).fill(NaN), first = plane * saved.wet.length;
+    saved.wet.forEach((k, i) => { out[k] = values[first + i]; });
+    return out;
+  };
+
   LF.evaluateSaved = () => {
     const stop = stops[here], by = moved(stop), { model, formula } = LF.kernel.evaluate(stop.sets.readings, by), n = model.length;
     const residual = model.map((m, k) => (e.kept[k] ? (e.value[k] - m) / e.sigma[k] : NaN));
@@ -38,9 +45,9 @@
     }
     const arrays = { model, formula, residual }, head = { plane, error_percent: 100 * Math.sqrt(sum / count), chi2, dof: stop.score.dof };
     if (stop.sets.maps[channel]) {
-      const maps = LF.kernel.evaluate(stop.sets.maps[channel], by), size = e.map_x_m.length ** 2;
-      arrays.map_render = maps.model.subarray(plane * size, (plane + 1) * size);
-      arrays.map_formula = maps.formula.subarray(plane * size, (plane + 1) * size);
+      const maps = LF.kernel.evaluate(stop.sets.maps[channel], by);
+      arrays.map_render = mapOf(maps.model);
+      arrays.map_formula = mapOf(maps.formula);
       LF.allMaps = maps.model;
     }
     return [head, arrays];

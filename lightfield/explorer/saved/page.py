@@ -53,11 +53,13 @@ def page_html(session: Session) -> str:
     stops = [_stop(session, state, label, some, session_arrays) for state, label in _stops(session)]
     e = session.experiment_data()
     kept = np.arange(SIDE) % EVERY == 0
-    e |= {"map_x_m": experiment.places.x_m[kept], "map_y_m": experiment.places.y_m[kept], "untestable": {}}
+    places = experiment.places
+    e |= {"map_x_m": places.x_m[kept], "map_y_m": places.y_m[kept], "untestable": {}}
     n = len(experiment.readings)
     data = {
         "experiment": e,
         "stops": stops,
+        "wet": np.flatnonzero(places.wet[np.ix_(kept, kept)]),
         "plane": session.plane,
         "channel": session.channel,
         "here": len(stops) - 1,
@@ -87,8 +89,7 @@ def _stops(session: Session) -> list[tuple[State, str]]:
 
 def some_places(e: Experiment, channel: int = 0) -> SceneForward:
     """The model at every other place of the maps, at one of the wavelengths."""
-    kept = np.arange(SIDE) % EVERY == 0
-    return e.maps[channel].subset(np.tile(np.outer(kept, kept).ravel(), len(e.places.z_m)))
+    return e.maps[channel].subset(e.places.some(np.arange(SIDE) % EVERY == 0))
 
 
 def _stop(

@@ -26,6 +26,7 @@ from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.experiment import explored
 from lightfield.explorer.fits import Fits
 from lightfield.explorer.jobs import climbed, verdict_data
+from lightfield.explorer.places import SIDE
 from lightfield.explorer.session import Session
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import direct_field
@@ -282,6 +283,20 @@ def test_each_wavelength_has_maps_with_its_own_gain() -> None:
     ask(session, "view", plane=session.plane, channel=1)
     second = session.evaluation().arrays["map_render"]
     assert np.median(second / first) == pytest.approx(3.0, rel=0.02)
+
+
+def test_maps_are_empty_above_the_water(given) -> None:
+    """Its surface is 0.4 m above the lamp; what is empty reaches the page."""
+    tank = {"width_m": 3.0, "depth_m": 1.5, "lamp_depth_m": 0.4, "length_m": 10.0}
+    session = Session(Scene.from_dict({**given[1].to_dict(), "tank": tank}), given[0], diffuse=None)
+    session.begin()
+    shown = session.evaluation().arrays
+    above = np.tile(session.experiment.places.y_m[:, None] > 0.4, (1, SIDE))
+    assert (np.isnan(shown["map_formula"]) == above).all() and (np.isnan(shown["map_render"]) == above).all()
+    errors = session.evaluator.map_stderr(session.now, session.plane, session.channel)
+    assert (np.isnan(errors) == above).all()
+    sent = np.frombuffer(protocol.pack({}, {"map_render": shown["map_render"]})[-4 * SIDE**2 :], "<f4")
+    assert (np.isnan(sent) == above.ravel()).all()
 
 
 def test_water_that_the_trace_cannot_answer_for_asks_for_one_more_trace(given) -> None:
