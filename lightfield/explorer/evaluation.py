@@ -9,6 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.explorer.experiment import error_by_light
 from lightfield.explorer.fits import Fits
 from lightfield.explorer.state import State
 from lightfield.fitting.forward import SceneForward
@@ -66,8 +67,7 @@ class Evaluator:
     def map_stderr(self, state: State, plane: int, channel: int) -> Array:
         """Standard error of the render at a plane, shape (SIDE, SIDE): photons, and what varies slowly."""
         values = self._at_maps(self.values(state), channel)
-        modes, smooth = self._plane(plane, channel).errors(values)
-        return self.experiment.places.map_of(np.hypot(np.linalg.norm(modes, axis=1), smooth))
+        return self.experiment.places.map_of(error_by_light(self._plane(plane, channel), values))
 
     def values(self, state: State) -> dict[str, float]:
         """Values that count: of the base and of effects that are on."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.assumed import Assumed
@@ -20,7 +21,7 @@ from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.preparation import bench, prepare_problem
 from lightfield.diagnosis.verdict.calibration import by_shape
 from lightfield.errors import FitError
-from lightfield.explorer.places import SIDE, MapPlaces
+from lightfield.explorer.places import SIDE, MapPlaces, spread
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource, remembered
 from lightfield.fitting.effects.registry import effect_name
@@ -35,6 +36,8 @@ from lightfield.scene.parameters import Parameter
 #: Without readings the model is asked for the render at every so many places of a map, to so many per cent of
 #: the light and of the plane's brightest. Chosen: what a careful measurement tells.
 EVERY, PERCENT, FLOOR_PERCENT = 5, 1.0, 0.1
+#: And in so many bands at most, of more of them spread evenly. Chosen: they are readings by the thousand.
+MOST_BANDS = 9
 #: Part of the photons of a fit that a trace for the maps is worth: they are looked at, not fitted to.
 MAP_SHARE = 0.35
 
@@ -141,7 +144,6 @@ def explored(
     places, stated = MapPlaces.of(scene, readings), _stated(scene)
     if readings is None:
         return _against_render(scene, stated, places, diffuse, dense_per_m, progress)
-    progress(f"judging the noise of {len(readings)} readings")
     source, reason = source_of(_switched_off(scene, stated), diffuse, readings)
     source, plain = remembered(source), _plain(scene, stated, readings, reason)
     plain, quoted, budget = spectral(plain, readings), np.asarray(readings.stderr, float), budget_of(readings)
@@ -151,6 +153,7 @@ def explored(
     for forward in traces:
         problem, untestable = problem_of(forward, readings, every, reason)
         problem = by_shape(_with_stated(problem, stated))
+        progress(f"judging the noise of {len(readings)} readings")
         rng = np.random.default_rng(0)
         prepared = prepare_problem(problem, quoted, budget, rng)
         traces.asked = None if dense_per_m is not None else prepared.to_trace_per_m
@@ -172,26 +175,29 @@ def _against_render(
     progress: Callable[[str], None],
 ) -> Experiment:
     """Without readings: the traced light of the scene as it stands takes their place."""
-    progress("tracing the scene")
-    columns, off = dict(places.columns), _switched_off(scene, stated)
-    direct = direct_field(off, columns["x_m"], columns["y_m"], columns["z_m"])
+    columns, off = _in_bands(scene, places), _switched_off(scene, stated)
+    direct = direct_field(off, columns["x_m"], columns["y_m"], columns["z_m"], columns.get("wavelength_nm"))
     every = Readings.from_arrays(value=direct, **columns).check_against(scene)
     source, reason = source_of(off, diffuse, every)
     plain = _plain(scene, stated, every, reason)
+    progress("tracing the scene")
     whole = SceneForward(plain, every, remembered(source), full=1.0, dense_per_m=dense_per_m)
     light = whole.predict(stated)
-    rows = places.some(np.arange(SIDE) % EVERY == (SIDE // 2) % EVERY)
+    band = whole.light.diffuse.channels[1]
+    maps = tuple(whole.subset(band == k) for k in range(band.max() + 1))
+    some = places.some(np.arange(SIDE) % EVERY == (SIDE // 2) % EVERY)
+    rows = np.tile(some, len(maps))
     scale = 1.0 / float(light.max())
-    modes, smooth = whole.subset(rows).errors(stated)
-    own = scale * np.hypot(np.linalg.norm(modes, axis=1), smooth)
+    # Band by band: what their errors share does not count here, and would be worked out for minutes.
+    own = scale * np.concatenate([error_by_light(m.subset(some), stated) for m in maps])
     value = scale * light[rows]
-    by_plane = value.reshape(len(places.z_m), -1)
+    by_plane = value.reshape(len(maps) * len(places.z_m), -1)
     top = np.repeat(by_plane.max(axis=1), by_plane.shape[1])
     sigma = np.sqrt(own**2 + (PERCENT / 100 * value) ** 2 + (FLOOR_PERCENT / 100 * top) ** 2)
     columns = {name: column[rows] for name, column in columns.items()}
     seen = Readings.from_arrays(value=value, stderr=sigma, **columns).check_against(scene)
-    some = whole.light.subset(rows)
-    light_source = replace(some, diffuse=replace(some.diffuse, readings=seen))
+    light_source = whole.light.subset(rows)
+    light_source = replace(light_source, diffuse=replace(light_source.diffuse, readings=seen))
     forward = SceneForward(plain, seen, full=float(value.max()), light=light_source)
     table = [*effects.all_of(scene).values(), *effects.curves().values()]
     problem, untestable = problem_of(forward, seen, table, reason)
@@ -199,9 +205,25 @@ def _against_render(
     layout, zero = layout_of(seen), np.zeros(len(seen))
     whiten = Whitener(Noise(layout, sigma, value, Budget(0.0, 0.0, 0.0), zero))
     return Experiment(
-        scene, seen, False, problem, whiten, 1.0, sigma, untestable, stated, (whole,), places,
+        scene, seen, False, problem, whiten, 1.0, sigma, untestable, stated, maps, places,
         scale,
     )  # fmt: skip
+
+
+def error_by_light(forward: SceneForward, values: Mapping[str, float]) -> Array:
+    """Standard error of predicted readings, shape (n,): photons, and what varies slowly."""
+    modes, smooth = forward.errors(values)
+    return np.hypot(np.linalg.norm(modes, axis=1), smooth)
+
+
+def _in_bands(scene: Scene, places: MapPlaces) -> dict[str, NDArray[np.generic]]:
+    """Columns of readings at all places of the maps, band by band."""
+    columns, bands = dict(places.columns), scene.detector.bands_nm
+    if len(bands) == 1:  # without wavelengths readings are means over it
+        return columns
+    middles = spread(np.unique(np.mean(bands, axis=1)), MOST_BANDS)
+    by_band = {name: np.tile(column, len(middles)) for name, column in columns.items()}
+    return by_band | {"wavelength_nm": np.repeat(middles, len(columns["z_m"]))}
 
 
 def _at_maps(forward: SceneForward, places: MapPlaces) -> tuple[SceneForward, ...]:

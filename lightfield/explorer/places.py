@@ -51,8 +51,7 @@ class MapPlaces:
         else:
             z = np.array(scene.detector.planes_m, float)
         z = _apart(np.unique(np.round(z, 3)))
-        if len(z) > MOST_PLANES:
-            z = z[np.round(np.linspace(0, len(z) - 1, MOST_PLANES)).astype(int)]
+        z = spread(z, MOST_PLANES)
         width, height = scene.plane_size_m
         middles = (np.arange(SIDE) + 0.5) / SIDE - 0.5
         x, y = width * middles, height * middles
@@ -85,6 +84,11 @@ class MapPlaces:
         out = np.full(self.wet.shape, np.nan)
         out[self.wet] = values
         return out
+
+
+def spread(values: Array, most: int) -> Array:
+    """All values, or of more than so many these, evenly."""
+    return values[np.round(np.linspace(0, len(values) - 1, min(len(values), most))).astype(int)]
 
 
 def _apart(z: Array) -> Array:

@@ -131,8 +131,12 @@ class Session:
         base = self.fits.of(())
         if e.gain is not None:
             own = (p for key in e.switched_on for p in e.candidates[key].parameters)
-            known = {p.path: p.value(p.start) for p in (*e.problem.base, *own)}
-            return State(e.switched_on, known | {"gain": e.gain} | dict(e.stated), "the scene as it stands")
+            # A fit may start elsewhere than where the scene is.
+            known = {
+                p.path: e.parameters[p.path].value for p in (*e.problem.base, *own) if p.path in e.parameters
+            }
+            known |= dict.fromkeys(e.forward.gains.names, e.gain)
+            return State(e.switched_on, known | dict(e.stated), "the scene as it stands")
         if not e.switched_on:
             return State((), dict(base.values), "fit of gain, width and absorption")
         fitted = self.fits.base(e.switched_on, e.stated)
