@@ -45,12 +45,17 @@ class Hub:
         Not begun yet.
     history : History, optional
         To go on with.
+
+    Attributes
+    ----------
+    begun : Event
+        Scene and readings go together as far as that is seen at once: there is something to look at.
     """
 
     def __init__(self, session: Session, history: History | None = None) -> None:
         self.session, self._history = session, history
         self.browsers: set[Browser] = set()
-        self.ready, self.failed = False, ""
+        self.ready, self.failed, self.begun = False, "", asyncio.Event()
         #: What is done beside all else, for the experiment that is explored.
         self.job: Underway | None = None
         #: What keeps the session busy; None while it answers at once.
@@ -134,6 +139,7 @@ class Hub:
             self._tell_jobs()
             raise
         self.ready, self.doing = True, None
+        self.begun.set()
         self._new_experiment()
         counted = 0
         while True:
@@ -188,6 +194,7 @@ class Hub:
         """Called in a thread that computes: what it does is told of, and ends once somebody ended it."""
         here = threading.current_thread()
         (self._beside if here is self._beside.thread else self._worker).tell(stage, part)
+        self._loop.call_soon_threadsafe(self.begun.set)
 
     def _busy(self, one: Underway) -> None:
         self.doing = one

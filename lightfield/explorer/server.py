@@ -199,7 +199,7 @@ async def serve(
     history : History, optional
         To go on with.
     opened : callable
-        Gets the address, once it can be opened.
+        Gets the address, once it can be opened, and not where scene and readings do not go together.
     """
     sockets = tornado.netutil.bind_sockets(0, ADDRESS)
     gate, hub = Gate(sockets[0].getsockname()[1]), Hub(session, history)
@@ -221,15 +221,18 @@ async def serve(
     server.add_sockets(sockets)
     loop, interrupted = asyncio.get_running_loop(), asyncio.Event()
     loop.add_signal_handler(signal.SIGINT, interrupted.set)
-    opened(gate.address)
     running = [asyncio.ensure_future(x) for x in (hub.run(), interrupted.wait())]
+    begun = asyncio.ensure_future(hub.begun.wait())
     try:
+        await asyncio.wait([begun, *running], return_when=asyncio.FIRST_COMPLETED)
+        if begun.done():
+            opened(gate.address)
         done, _ = await asyncio.wait(running, return_when=asyncio.FIRST_COMPLETED)
         for one in done:
             one.result()
     finally:
         loop.remove_signal_handler(signal.SIGINT)
-        for one in running:
+        for one in (begun, *running):
             one.cancel()
         hub.end_job()
         server.stop()
