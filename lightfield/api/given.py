@@ -22,7 +22,6 @@ from typing import (
 )
 
 import numpy as np
-import pandas as pd
 
 from lightfield.errors import UsageError
 from lightfield.readings import ErrorBudget, Readings, read_table, write_table
@@ -151,10 +150,11 @@ def _broken_path(kinds: tuple[object, ...], value: object) -> str | None:
     for kind, rule in (
         (Readings, "readings as `load` gives them, or the path of a file"),
         (Scene, "a Scene, or the path of its file"),
-        (pd.DataFrame, "a table with a column per element, or the path of its file"),
     ):
         if kind in kinds:
             return None if isinstance(value, kind) else rule
+    for table in (one for one in kinds if isinstance(one, type) and one.__name__ == "DataFrame"):
+        return None if isinstance(value, table) else "a table (DataFrame), or the path of its file"
     return "the path of a file"
 
 

@@ -163,7 +163,7 @@ def colours_of(lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
         raise RenderError(
             "the lamp gives no light that is seen", where="lamp.spectrum",
             rule=f"some between {RGB_BANDS_NM[2][0]:g} and {RGB_BANDS_NM[0][1]:g} nm",
-            remedy="`lightfield render` maps light of every wavelength",
+            remedy="correct lamp.spectrum; maps show light of every wavelength",
         )  # fmt: skip
     return rgb_nm, power
 

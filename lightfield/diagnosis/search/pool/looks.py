@@ -42,7 +42,7 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
     polish(pool, direct)
-    bent(pool)
+    with_curve_of_lamp(pool)
     best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)
     linear_backward(pool, best, named)
@@ -52,7 +52,7 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     return pool.best()
 
 
-def bent(pool: Pool) -> FittedSet:
+def with_curve_of_lamp(pool: Pool) -> FittedSet:
     """The best set; where a curve of the lamp does better than named forms of its beam, what it grows to.
 
     Of a lamp that no formula describes these stand for all that is missing, and few fits are left for light

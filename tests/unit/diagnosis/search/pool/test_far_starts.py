@@ -87,7 +87,7 @@ def test_a_lamps_curve_is_there_before_light_is_scattered_or_reflected() -> None
     looks.forward(pool, pool.best(), 4, 14, looks.direct)
     before = looks.polish(pool, looks.direct)
     assert {"beam_shape", "beam_skirt"} <= before.names
-    bent = looks.bent(pool)
+    bent = looks.with_curve_of_lamp(pool)
     assert "beam_profile" in bent.names and pool.cost(bent) < pool.cost(before) - 50
 
 
