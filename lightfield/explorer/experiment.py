@@ -111,6 +111,12 @@ class Experiment:
         """The effects that the scene itself has, by "effect:form"."""
         return tuple(":".join(one.key) for one in _stated_forms(self.candidates.values(), self.stated))
 
+    def beside_own(self, keys: Iterable[str]) -> tuple[str, ...]:
+        """Effects that a diagnosis found, after the scene's own, which it took for granted."""
+        found = tuple(keys)
+        names = {effect_name(key) for key in found}
+        return (*(key for key in self.switched_on if effect_name(key) not in names), *found)
+
     def held(self, keys: Iterable[str]) -> dict[str, float]:
         """Values of what comes with some effects and no fit moves, by path."""
         parameters = (p for key in keys for p in self.candidates[key].parameters)

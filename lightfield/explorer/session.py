@@ -124,7 +124,10 @@ class Session:
             As `explored`; nothing has changed then.
         """
         self._settle()
-        self._become(self._anew(self.history, dense_per_m=dense_per_m))
+        other, old = self._anew(self.history, dense_per_m=dense_per_m), self.experiment.gain
+        if old and (new := other.experiment.gain):  # the render, which stands for readings, is another
+            other.history = other.history.brighter(other.experiment.forward.gains.names, new / old)
+        self._become(other)
 
     def _first(self) -> State:
         e = self.experiment
@@ -289,13 +292,12 @@ class Session:
         if at >= len(offered):
             raise FitError("there is no such explanation", found=at, remedy="diagnose first")
         one = offered[at]
-        effects = tuple(one["keys"])
+        effects = self.experiment.beside_own(one["keys"])
         self._rungs(effects)
         self._fitted(effects)
         fitted = self._fitted(effects, {**self.now.values, **one["values"]})
-        self.history.add(
-            State(effects, {**self.now.values, **fitted.values}, f"accepted: {effects_in_words(effects)}")
-        )
+        did = f"accepted: {effects_in_words(one['keys'])}"
+        self.history.add(State(effects, {**self.now.values, **fitted.values}, did))
 
     def _add_own(self, own: protocol.Own) -> None:
         parameters = {
@@ -342,10 +344,9 @@ class Session:
         But for light under a water surface that the scene has not: that is as large again, and is fetched
         when the surface is switched on.
         """
-        experiment = self.experiment
-        lit = all_lit(experiment)
-        lit = {path: v for path, v in lit.items() if path in experiment.stated or path != OPENS_THE_TOP}
-        experiment.maps[0].predict({p.path: p.value(p.start) for p in experiment.problem.base} | lit)
+        e = self.experiment
+        lit = {path: v for path, v in all_lit(e).items() if path in e.stated or path != OPENS_THE_TOP}
+        e.maps[0].predict({p.path: p.value(p.start) for p in e.problem.base} | lit)
 
     def experiment_data(self) -> dict[str, object]:
         """What does not change while one experiment is explored."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 from lightfield.errors import UsageError
@@ -42,6 +42,16 @@ class History:
     def now(self) -> State:
         """The state that is shown."""
         return self.states[self.at]
+
+    def brighter(self, gains: Collection[str], times: float) -> History:
+        """The same where readings are so many times as bright, by their gains."""
+
+        def of(state: State) -> State:
+            values = {path: v * times if path in gains else v for path, v in state.values.items()}
+            return replace(state, values=values)
+
+        named = {name: of(state) for name, state in self.snapshots.items()}
+        return History(list(map(of, self.states)), self.at, named)
 
     def add(self, state: State) -> None:
         """Go on to a state; what was undone is forgotten."""

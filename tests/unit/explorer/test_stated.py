@@ -88,3 +88,28 @@ def test_of_two_forms_that_are_both_stated_one_is_switched_and_brings_the_other(
     lamp = Scene.from_toml(scene_toml(session)).lamp
     assert (lamp.drift_per_hour, lamp.warmup_fraction, lamp.warmup_time_s) == (0.2, 0.3, 600.0)
     assert session.now.values["water.absorption_per_m"] == pytest.approx(0.1, abs=0.01)
+
+
+def test_an_accepted_explanation_stands_beside_the_scenes_own_effects() -> None:
+    """The diagnosis took them for granted: without them it explains nothing."""
+    stated = scene(tilt_x_deg=3.0, tilt_y_deg=4.0)
+    session = begun(stated, beside_the_axis(stated))
+    session.verdict = {"explanations": [{"keys": ["background:constant"], "values": {}}]}
+    session.act(protocol.At(id=1, do="accept", at=0))
+    assert session.now.effects == (TILT, "background:constant")
+    assert session.evaluation().numbers["chi2"] < 1.5 * len(session.experiment.readings)
+
+
+def test_another_trace_of_the_scene_keeps_the_model_on_its_render() -> None:
+    """Without readings its gain is that of the render, which is scaled anew."""
+    session = begun(
+        Scene.from_dict({"detector": {"planes_m": [2.0]}, "water": {"absorption_per_m": 0.1}}), None
+    )
+    session.history.keep("first")
+    gain, name = session.experiment.gain, session.experiment.forward.gains.names[0]
+    brighter = session.history.brighter([name], 2.0)
+    assert [s.values[name] for s in (brighter.now, brighter.snapshots["first"])] == [2 * gain, 2 * gain]
+    assert session.now.values[name] == gain
+    session.experiment = replace(session.experiment, gain=2 * gain)  # as if the last one had been so
+    session.trace_at(0.2)
+    assert session.now.values[name] == pytest.approx(0.5 * gain)
