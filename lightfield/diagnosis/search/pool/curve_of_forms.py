@@ -33,7 +33,8 @@ def try_curves(pool: Pool, best: FittedSet, names: Collection[str]) -> None:
             continue
         whole = [*(c for c in best.explanation if c.name not in contains), curve]
         if pool.affordable(whole):
-            pool.fit(whole, [laid_over(pool, best, curve)])
+            # As good as the forms: what a fit from elsewhere left far away does not stand for it.
+            pool.fit(whole, [laid_over(pool, best, curve)], promised=pool.cost(best))
 
 
 def laid_over(pool: Pool, best: FittedSet, curve: Candidate) -> Begin:

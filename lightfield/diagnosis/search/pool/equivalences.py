@@ -111,4 +111,5 @@ def try_declared(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
         if found and new and go_together(whole) and pool.affordable(whole):
             known, values = node.fit.by_path, node.fit.values
             width = values.get(WIDTH, pool.problem.forward.light.diffuse.width_deg)
-            pool.fit(whole, [Begin(known | start) for start in line.starts(values, width)])
+            starts = [Begin(known | start) for start in line.starts(values, width)]
+            pool.fit(whole, starts, promised=pool.cost(node))
