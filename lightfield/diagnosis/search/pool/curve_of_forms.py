@@ -34,7 +34,7 @@ def try_curves(pool: Pool, best: FittedSet, names: Collection[str]) -> None:
         whole = [*(c for c in best.explanation if c.name not in contains), curve]
         if pool.affordable(whole):
             # As good as the forms: what a fit from elsewhere left far away does not stand for it.
-            pool.fit(whole, [laid_over(pool, best, curve)], promised=pool.cost(best))
+            pool.fit(whole, [laid_over(pool, best, curve)], promised=pool.cost(pool.best()))
 
 
 def laid_over(pool: Pool, best: FittedSet, curve: Candidate) -> Begin:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +20,7 @@ from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.preparation import whitened_test
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
@@ -63,7 +65,12 @@ def test_a_lamps_curve_is_fitted_from_the_forms_that_stand_for_it() -> None:
     plain = pool.finished(pool.fit((), [Begin({})]))
     forms = pool.finished(pool.fit((shape, skirt), [Begin({})]))
     assert plain.fit.chi2 > 10 * forms.fit.chi2
+    # A fit that went astray is remembered, and does not stand for the one that begins at the forms.
+    astray = next(c for c in problem.candidates if c.key == ("beam_profile", "7 functions"))
+    lost = problem.fit((astray,), whiten, [problem.model((astray,)).start], max_steps=0)
+    pool.nodes[frozenset({astray.key})] = FittedSet((astray,), replace(lost, chi2=1e6))
     try_curves(pool, forms, [shape.name])
+    assert pool.nodes[frozenset({astray.key})].fit.chi2 < forms.fit.chi2
     best = min((n for n in pool.nodes.values() if "beam_profile" in n.names), key=lambda n: n.fit.chi2)
     assert best.fit.chi2 < forms.fit.chi2
     assert best.fit.chi2 < 84 + 4 * np.sqrt(2 * 84)
