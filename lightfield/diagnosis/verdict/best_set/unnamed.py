@@ -17,10 +17,10 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.many import in_pool
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
-from lightfield.diagnosis.search.pool.evidence import Weighing
+from lightfield.diagnosis.search.pool.evidence import FAMILY, Weighing
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.set_of_effects import FittedSet
-from lightfield.diagnosis.verdict.best_set.averaged import largest, with_an_effect_more, with_others
+from lightfield.diagnosis.verdict.best_set.averaged import averaged, largest, with_an_effect_more, with_others
 from lightfield.diagnosis.verdict.best_set.finer_lamp import comparable_errors, finer_lamp, with_finer_lamp
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.parts import Estimate, Unnamed
@@ -60,20 +60,46 @@ def unnamed(
 
 def in_errors(finding: SearchResult) -> SearchResult:
     """The finding; errors of its best set reach what the values would be with each effect that is too small
-    to be named, and are averaged over effects that are smaller still, and over other accepted sets."""
+    to be named, and are averaged over effects that are smaller still, over other accepted sets, and over
+    other forms of its effects."""
     best, level = finding.best, finding.level
     if best is None or best.adequacy is None:
         wider = with_an_effect_more((), level.base, level.adequacy, level.scale)
         return replace(finding, base_errors=largest(finding.base_errors, wider))
     wider = with_an_effect_more(best.explanation, best.fit, best.adequacy, best.scale)
     best = replace(best, errors=largest(best.errors, wider))
-    best = with_others([best, *finding.accepted[1:]])
+    best = averaged(with_others([best, *finding.accepted[1:]]), _in_other_forms(finding, best.fit.values))
     finding = replace(finding, finer_lamp=finer_lamp(finding))
     if (weighing := _weighing(finding)) is not None and finding.finer_lamp is not None:
         best = with_finer_lamp(weighing, best, finding.finer_lamp)
     for one in _absent(finding):
         best = best.reaching({path: one.values[path] for path in one.changed}, one.errors)
     return replace(finding, accepted=[best, *finding.accepted[1:]])
+
+
+def _in_other_forms(
+    finding: SearchResult, values: Mapping[str, float]
+) -> list[tuple[float, Mapping[str, float], Mapping[str, float]]]:
+    """Sets of the same effects in other forms that cost hardly more: weight over that of the best, and what
+    its values and errors would be; moved from set to set, for a pool has the light of its search.
+
+    Parameters
+    ----------
+    values : mapping
+        Of the best set, by path.
+    """
+    if (weighing := _weighing(finding)) is None:
+        return []
+    node, phi = weighing.best, weighing.phi
+    out: list[tuple[float, Mapping[str, float], Mapping[str, float]]] = []
+    for other in weighing.pool.nodes.values():
+        above = weighing.above(other)
+        if other.names == node.names and other.key != node.key and above <= FAMILY:
+            own, theirs = node.fit.values, other.fit.values
+            there = {path: values[path] + theirs[path] - own[path] for path in theirs.keys() & own.keys()}
+            stderr = {path: error for path, error in other.fit.stderr(phi).items() if path in there}
+            out.append((float(np.exp(-0.5 * max(above, 0.0))), there, stderr))
+    return out
 
 
 def _hardly_told(also: WithScattering, finding: SearchResult, units: dict[str, str]) -> list[Unnamed]:

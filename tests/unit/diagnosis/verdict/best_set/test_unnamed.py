@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -160,3 +161,23 @@ def test_of_what_the_scene_has_another_size_is_told() -> None:
     (said,) = unnamed_sentences([one], values)
     assert said.startswith("wall reflection of another size than the scene's is hardly asked for (2.9 sigma)")
     assert "if it is there" not in said
+
+
+def test_another_form_of_an_effect_is_in_the_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A saturation that bends otherwise and costs 2 more: exp(-1) of the weight, where it puts absorption;
+    moved by as much as in the pool, whose light is another. Not one that costs 20 more, nor other names."""
+
+    def node(key: str, absorption: float, names: str = "saturation") -> Any:
+        fit = SimpleNamespace(values={"a": absorption, key: 0.2}, stderr=lambda phi: {"a": 0.01, key: 0.1})
+        return SimpleNamespace(key=key, names=frozenset({names}), fit=fit)
+
+    best, other, dear, third = (
+        node("quadratic", 0.05), node("hyperbolic", 0.07), node("cubic", 0.5), node("offset", 0.9, "offset"),
+    )  # fmt: skip
+    above = {"quadratic": 0.0, "hyperbolic": 2.0, "cubic": 20.0, "offset": 1.0}
+    pool = SimpleNamespace(nodes={one.key: one for one in (best, other, dear, third)})
+    weighing = SimpleNamespace(best=best, phi=1.0, pool=pool, above=lambda one: above[one.key])
+    monkeypatch.setattr(unnamed, "_weighing", lambda finding: weighing)
+    ((weight, values, errors),) = unnamed._in_other_forms(cast("Any", None), {"a": 0.06, "quadratic": 0.2})
+    assert weight == pytest.approx(np.exp(-1.0))
+    assert values == {"a": pytest.approx(0.08)} and errors == {"a": 0.01}
