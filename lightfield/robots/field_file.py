@@ -180,9 +180,10 @@ def _refuse_walls(scene: Scene, across: Array, along: Array, beyond_m: float) ->
     told = zip(ends, room, strict=True)
     if all(low - _ROUNDING_M <= a and b <= high + _ROUNDING_M for (a, b), (low, high) in told):
         return
-    widest = min(min(-low, high) for low, high in room[:2])
-    step_m = float(across[1] - across[0])
+    step_m, widest = float(across[1] - across[0]), min(min(-low, high) for low, high in room[:2])
     widest = step_m * np.floor(widest / step_m + _ROUNDING_M)
+    remedy = f"a half width of {widest:g} m at most" if widest > 0 else "take smaller steps"
+    along_fits = length[0] <= along[0] and along[-1] <= length[1]
     raise RenderError(
         "the grid reaches out of the water",
         found=f"|x|, |y| up to {ends[0][1]:g} m, z from {ends[2][0]:g} to {ends[2][1]:g} m",
@@ -190,7 +191,7 @@ def _refuse_walls(scene: Scene, across: Array, along: Array, beyond_m: float) ->
             f"{low:.4g} <= {axis} <= {high:.4g}" for axis, (low, high) in zip(_AXES, room, strict=True)
         )
         + (f" ({beyond_m:g} m away from walls, for cells of the trace)" if beyond_m else ""),
-        remedy=f"a half width of {widest:g} m at most" if widest > 0 else "take smaller steps",
+        remedy=remedy if along_fits else "ask for a smaller part of the water",
     )
 
 

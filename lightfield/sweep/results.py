@@ -132,7 +132,8 @@ def open_store(path: str | Path, quantity: str | None = None) -> xr.Dataset:
             rule=quantity or "maps of light",
             remedy="xarray opens it as it is",
         )  # fmt: skip
-    return data.sortby("wavelength_nm") if "wavelength_nm" in data.dims else data
+    rises = "wavelength_nm" not in data.dims or data.indexes["wavelength_nm"].is_monotonic_increasing
+    return data if rises else data.sortby("wavelength_nm")
 
 
 @contextmanager

@@ -214,7 +214,8 @@ def test_what_does_nothing_in_a_sweep_is_warned_of_where_it_was_asked_for(tmp_pa
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_sweep_of_few_photons(tmp_path):
-    scene = lf.Scene.from_dict({"detector": {"planes_m": [2.0, 3.0], "pixels": 7}})
+    bands = [[600, 620], [500, 550]]
+    scene = lf.Scene.from_dict({"detector": {"planes_m": [2.0, 3.0], "pixels": 7, "bands_nm": bands}})
     vary = {"water.absorption_per_m": np.array([0.05, 0.1]), "lamp.hwhm_deg": "3:5:2"}
     found = lf.sweep(scene, vary, tmp_path / "s.zarr", max_photons=1e3, rel_error=0.5)
     assert found.to_xarray().sizes["water.absorption_per_m"] == 2
@@ -225,7 +226,12 @@ def test_a_sweep_of_few_photons(tmp_path):
     np.testing.assert_array_equal(again.to_xarray().irradiance.values, found.to_xarray().irradiance.values)
     axes = Figure().subplots()
     assert found.plot(axes) is axes and len(axes.lines) == 2
-    assert axes.get_title().endswith("\nat z_m = 2.0")
+    assert found.to_xarray().wavelength_nm.values.tolist() == [525.0, 610.0]  # rise, as of maps
+    assert (
+        found.to_xarray().irradiance.isel(wavelength_nm=0)
+        < 0.8 * found.to_xarray().irradiance.isel(wavelength_nm=1)
+    ).any()
+    assert axes.get_title().endswith("\nat wavelength_nm = 525.0, z_m = 2.0")
     with pytest.raises(lf.LightfieldError, match="on_axis_irradiance"):
         found.plot(quantity="irradiance")
     assert "4 cases" in repr(found)

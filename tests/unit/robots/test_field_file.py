@@ -104,8 +104,9 @@ def test_a_grid_that_leaves_the_water_is_refused_without_photons_too(asked: Aske
     """A tank of 2 x 1 x 10 m, the lamp in its middle: walls at 1 m, floor and top at 0.5, end at 9.5 m."""
     tank = {"width_m": 2.0, "depth_m": 1.0, "length_m": 10.0, "behind_lamp_m": 0.5}
     scene = Scene.from_dict({**SCENE, "tank": tank, "detector": {"planes_m": [4.5, 6.5], "width_m": 1.0}})
-    with pytest.raises(RenderError, match="out of the water"):
+    with pytest.raises(RenderError, match="out of the water") as refused:
         field_dataset(scene, asked, photons=0)
+    assert ("half width of 0.5 m" in str(refused.value)) == (asked.far_m == 6.5)
     found = field_dataset(scene, Asked(0.5, 4.5, 9.5), photons=0)
     assert "nothing traced" in found.attrs["source"]
 
