@@ -275,7 +275,12 @@ def where_next(
         for x, y, z, a in zip(best.places.x_m, best.places.y_m, best.places.z_m, best.places.air, strict=True)
     ]
     alike = best.predicted_sigma < SAME_CLASS_SIGMA
-    in_one = [c.effect for a, b in pairs for c in a.explanation if c.name not in b.names]
+    in_one = [
+        c.effect
+        for a, b in pairs
+        for c in a.explanation
+        if c.name not in b.names and not any(c.name in other.effect.kind_of for other in b.explanation)
+    ]  # what a curve of the other is there with is in both
     return NextMeasurement(
         asks=Asks.OTHER_KIND if alike else Asks.PART,
         between=[list(one.names), list(two.names)],

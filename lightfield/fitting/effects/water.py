@@ -41,7 +41,8 @@ EFFECTS = (
         (Form("of wavelength", (Free("water.scattering_slope", -2.0, 4.0, 0.2),)),),
         "The particles scatter one colour more than another: small ones blue, by 1 / wavelength in open sea.",
         "A halo that is another part of the light in each band, beside scattering alone.",
-        "Measure the scattering at two wavelengths, or filter in two steps: what is small passes the first.",
+        "Measure the scattering of a sample in both colours, or filter in two steps: what is small passes "
+        "the first.",
         needs=("water", "two_colours"),
     ),
     Effect(

@@ -38,6 +38,8 @@ MOST_PLANES, MOST_NARROW = 5, 3
 FLAT = 0.6  # height over width under which a panel has no room beside it for words
 #: Where the colours of error maps end, and where a formula is mostly farther off than that.
 ERROR_SCALE, FAR_OFF = 0.50, 1.0
+#: Part of the brightest cell's light that cells of the spot have at least. Chosen: as errors count elsewhere.
+_OF_SPOT = 0.05
 #: Errors that profiles show, at least and at most.
 LEAST_SHOWN, MOST_SHOWN = (-0.52, 0.32), (-1.05, 2.0)
 CONTOURS = dict(zip(ERROR_LEVELS, ((0, (2, 2)), "solid"), strict=True))
@@ -79,9 +81,9 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
 
 
 def _error_scale(planes: Sequence[PlaneComparison]) -> float:
-    """Where colours of errors end: farther off where most of a plane would have the last one."""
+    """Where colours of errors end: farther off where most of the spot on a plane would have the last one."""
     with np.errstate(invalid="ignore"):
-        off = [np.abs(plane.ratio - 1)[plane.render > 0] for plane in planes]
+        off = [np.abs(p.ratio - 1)[p.render > _OF_SPOT * np.nanmax(p.render)] for p in planes]
     return FAR_OFF if any(np.median(one) > ERROR_SCALE for one in off if one.size) else ERROR_SCALE
 
 

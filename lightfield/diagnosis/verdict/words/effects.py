@@ -56,7 +56,9 @@ def follows_any(one: FoundEffect) -> bool:
 
 def instead(one: FoundEffect) -> str:
     """What would do in place of an effect; "" for nothing."""
-    shown = one.alternatives[:_ALTERNATIVES_TOLD]
+    # What one alone does needs no other beside it.
+    least = [a for a in one.alternatives if not any(set(b) < set(a) for b in one.alternatives)]
+    shown = least[:_ALTERNATIVES_TOLD]
     courses = [names for names in shown if _is_course_of(one.effect, names)]
     told = [_with(names) for names in shown if names not in courses]
     if one.beyond:

@@ -243,6 +243,8 @@ def test_courses_of_an_effect_are_told_together_and_first() -> None:
     assert effects.instead(gains.model_copy(update={"alternatives": curves})) == (
         "any course of it (attenuation profile or plane gain) or background"
     )
+    beside = [["background_spectrum", "beam_colour"], ["beam_colour"]]
+    assert effects.instead(one.model_copy(update={"alternatives": beside})) == "beam colour"
 
 
 def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(monkeypatch) -> None:
