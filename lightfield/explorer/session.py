@@ -105,9 +105,9 @@ class Session:
         names_kept = {n: s for n, s in former.snapshots.items() if self._suits(s)}
         self.history = History(kept or [first], max(at, 0), names_kept)
 
-    def _anew(self, history: History | None = None, **given: object) -> Session:
+    def _anew(self, history: History | None = None, **given: Any) -> Session:
         """This session with another scene, readings or traces, begun aside: nothing has changed here."""
-        other = replace(self, **given)  # type: ignore[arg-type]  # values of fields
+        other = replace(self, **given)
         other.begin(history)
         return other
 

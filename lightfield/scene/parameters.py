@@ -319,7 +319,7 @@ def _later(model: type[BaseModel]) -> dict[str, Any]:
 @cache
 def _tables(model: type[BaseModel]) -> frozenset[str]:
     """Fields that hold the path of a table, also those that may hold none."""
-    (rule,) = TablePath.__metadata__  # type: ignore[attr-defined]
+    _, rule = get_args(TablePath)
     fields = model.model_fields.items()
     return frozenset(n for n, f in fields if rule in f.metadata or TablePath in get_args(f.annotation))
 

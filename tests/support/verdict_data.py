@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
     Estimate,
@@ -40,7 +41,7 @@ def explanation(*effects: str, reason: Reason | None = None) -> AcceptedExplanat
 
 def effect(name: str, level: str, *alternatives: list[str], hardly_tested: bool = False) -> FoundEffect:
     return FoundEffect(
-        effect=name, family="toy", form="linear", level=level,  # type: ignore[arg-type]
+        effect=name, family="toy", form="linear", level=Certainty(level),
         parameters={f"lamp.{name}": Estimate(value=0.5, stderr=0.01)}, sigma_to_remove=12.0, gap=30.0,
         gap_named=30.0, gap_plus=20.0, rival=[], alternatives=list(alternatives), weight=0.9,
         hardly_tested=hardly_tested, with_it=LIGHT, without_it=LIGHT,

@@ -56,11 +56,11 @@ def test_where_it_is_asked_again(
 
     monkeypatch.setattr(clearer_light, "course", course)
     monkeypatch.setattr(clearer_light, "replace", lambda inquiry, source: source)
-    inquiry = SimpleNamespace(
+    inquiry: Any = SimpleNamespace(
         scene=stated, source=response_for, is_settled_after=settles, progress=lambda words: None
     )
     first = outcome(fitted)
-    asked_now, found = clearer_light.by_clearer_light(inquiry, first)  # type: ignore[arg-type]  # stand-in
+    asked_now, found = clearer_light.by_clearer_light(inquiry, first)
     assert (found == "clearer") == again and (found is first) != again
     assert (asked_now is inquiry) != again
     for source in asked:

@@ -154,10 +154,11 @@ CONTRAST = """() => {
         const style = getComputedStyle(e), ink = rgb(e instanceof SVGElement ? style.fill : style.color);
         const [a, b] = [light(ink), light(behind(e))].sort((x, y) => y - x);
         const large = parseFloat(style.fontSize) >= 24;
-        if ((a + 0.05) / (b + 0.05) < (large ? 3 : 4.5)) poor.push(`${e.textContent.trim().slice(0, 40)}: ${((a + 0.05) / (b + 0.05)).toFixed(2)}`);
+        const contrast = (a + 0.05) / (b + 0.05), words = e.textContent.trim().slice(0, 40);
+        if (contrast < (large ? 3 : 4.5)) poor.push(`${words}: ${contrast.toFixed(2)}`);
     }
     return [light(behind(document.body)), poor];
-}"""  # noqa: E501
+}"""
 
 
 @needs_browser

@@ -12,6 +12,9 @@ import xarray as xr
 import lightfield as lf
 from lightfield.api.given import checked, names_in
 
+#: The same without its types, for what they do not allow.
+untyped: Any = lf
+
 
 @pytest.mark.parametrize("given", ["scattering,walls", " scattering , walls,", ["scattering", "walls"]])
 def test_names_in_one_string_are_those_of_the_command_line(given) -> None:
@@ -30,22 +33,22 @@ def test_a_name_alone_is_not_taken_letter_by_letter() -> None:
 def test_a_number_that_is_none_is_said_to_be_none(given: dict[str, object]) -> None:
     (name,) = given
     with pytest.raises(lf.LightfieldError, match=f"{name}.*a number, 1e"):
-        lf.render(lf.Scene.from_dict({"name": "a pool"}), **given)  # type: ignore[arg-type]
+        untyped.render(lf.Scene.from_dict({"name": "a pool"}), **given)
 
 
 POOL = lf.Scene.from_dict({"name": "a pool"})
 WRONG = {
     "a seed below 0": (lambda: lf.hide(POOL, seed=-1), "seed.*0 to 2147483647"),
-    "an effect that is a number": (lambda: lf.hide(POOL, effect=3), "effect.*a name"),  # type: ignore[arg-type]
-    "a scene that is a dict": (lambda: lf.hide({"name": "x"}), "scene.*a Scene"),  # type: ignore[arg-type]
-    "noise in words": (lambda: lf.hide(POOL, noise="1 %"), "noise.*a number"),  # type: ignore[arg-type]
-    "bare numbers": (lambda: lf.diagnose(np.ones(4), POOL), "readings.*`load`"),  # type: ignore[arg-type]
+    "an effect that is a number": (lambda: untyped.hide(POOL, effect=3), "effect.*a name"),
+    "a scene that is a dict": (lambda: untyped.hide({"name": "x"}), "scene.*a Scene"),
+    "noise in words": (lambda: untyped.hide(POOL, noise="1 %"), "noise.*a number"),
+    "bare numbers": (lambda: untyped.diagnose(np.ones(4), POOL), "readings.*`load`"),
     "no effect": (lambda: lf.diagnose("x.csv", POOL, effects=[]), "no effect is named"),
-    "a list with a number": (lambda: lf.attenuation(["a.csv", 3], POOL), "readings.*`load`"),  # type: ignore[list-item]
-    "a scene for readings": (lambda: lf.save(POOL, "x.csv"), "readings.*`load`"),  # type: ignore[arg-type]
+    "a list with a number": (lambda: untyped.attenuation(["a.csv", 3], POOL), "readings.*`load`"),
+    "a scene for readings": (lambda: untyped.save(POOL, "x.csv"), "readings.*`load`"),
     "alpha in per cent": (lambda: lf.diagnose("x.csv", POOL, alpha=5), "alpha.*0.0005 to 0.5"),
-    "half a water": (lambda: lf.link(POOL, water={"harbour": 3}), "water harbour.*1/m"),  # type: ignore[dict-item]
-    "waters in a list": (lambda: lf.link(POOL, water=[(1, 2)]), "water.*names"),  # type: ignore[arg-type]
+    "half a water": (lambda: untyped.link(POOL, water={"harbour": 3}), "water harbour.*1/m"),
+    "waters in a list": (lambda: untyped.link(POOL, water=[(1, 2)]), "water.*names"),
     "no photons": (lambda: lf.follow(POOL, max_photons=-1), "max_photons.*1e3 to 1e12"),
     "a seed that no command takes": (lambda: lf.hide(POOL, seed=2**31), "seed.*0 to 2147483647"),
     "five photons": (lambda: lf.array.show(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
@@ -53,32 +56,32 @@ WRONG = {
     "five photons for a map": (lambda: lf.render(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
     "five photons for distances": (lambda: lf.range(POOL, max_photons=5), "max_photons.*1e3 to 1e12"),
     "one scene for a list": (lambda: lf.follow(POOL, with_="a.toml"), "with_.*a list"),
-    "one scene itself for a list": (lambda: lf.follow(POOL, with_=POOL), "with_.*a list"),  # type: ignore[arg-type]
+    "one scene itself for a list": (lambda: untyped.follow(POOL, with_=POOL), "with_.*a list"),
     "two scenes of one name": (lambda: lf.follow(POOL, with_=[POOL]), "with_.*two scenes of one name"),
     "an array named like the scene's": (
         lambda: lf.array.compare(POOL, {"a pool": POOL}),
         "with_.*two scenes of one name",
     ),
     "a water named like the scene's": (lambda: lf.link(POOL, water={"scene": (0.1, 0.1)}), "another name"),
-    "noise of a range in words": (lambda: lf.range(POOL, noise="x"), "noise.*a number"),  # type: ignore[arg-type]
-    "a band that is no pair": (lambda: lf.import_("i.csv", band=(500, 550)), "band.*pairs"),  # type: ignore[arg-type]
-    "another medium": (lambda: lf.array.show(POOL, medium="oil"), "medium.*'water' or 'air'"),  # type: ignore[arg-type]
-    "arrays without names": (lambda: lf.array.compare(POOL, [POOL]), "with_.*names"),  # type: ignore[arg-type]
+    "noise of a range in words": (lambda: untyped.range(POOL, noise="x"), "noise.*a number"),
+    "a band that is no pair": (lambda: untyped.import_("i.csv", band=(500, 550)), "band.*pairs"),
+    "another medium": (lambda: untyped.array.show(POOL, medium="oil"), "medium.*'water' or 'air'"),
+    "arrays without names": (lambda: untyped.array.compare(POOL, [POOL]), "with_.*names"),
     "no other array": (lambda: lf.array.compare(POOL, {}), "nothing to compare"),
-    "no such task": (lambda: lf.array.optimise(POOL, task="x"), "task.*'docking'"),  # type: ignore[arg-type]
+    "no such task": (lambda: untyped.array.optimise(POOL, task="x"), "task.*'docking'"),
     "a box inside out": (lambda: lf.array.optimise(POOL, box=-1), "box.*0.01 to 10 m"),
     "detectors that look back": (lambda: lf.array.optimise(POOL, tilt_max=200), "tilt_max.*0 to 80"),
-    "a number as a folder": (lambda: lf.Maps.load(3), "path.*path of a file"),  # type: ignore[arg-type]
+    "a number as a folder": (lambda: untyped.Maps.load(3), "path.*path of a file"),
     "no path at all": (lambda: lf.load(""), "path.*found \"''\".*path of a file"),
-    "an empty scene": (lambda: lf.render({}), "scene.*found '{}'"),  # type: ignore[arg-type]
-    "yes for a switch": (lambda: lf.render(POOL, cache="yes"), "cache.*True or False"),  # type: ignore[arg-type]
-    "readings that are no file": (lambda: lf.pose.estimate(np.ones(3), POOL), "readings.*path"),  # type: ignore[arg-type]
-    "one water for a list": (lambda: lf.pose.bias(POOL, scattering=0.1), "scattering.*list"),  # type: ignore[arg-type]
-    "a size in words": (lambda: lf.picture(POOL, size="32x18"), "size.*32x18.*2 whole numbers"),  # type: ignore[arg-type]
-    "half a size": (lambda: lf.picture(POOL, size=(32,)), "size.*2 whole numbers"),  # type: ignore[arg-type]
-    "half a pixel": (lambda: lf.picture(POOL, size=(32.5, 18)), "size.*2 whole numbers"),  # type: ignore[arg-type]
-    "a range that is a number": (lambda: lf.band(POOL, between=400), "between.*2 numbers"),  # type: ignore[arg-type]
-    "a number to compare": (lambda: lf.compare(3), "what.*int.*Maps or their data set"),  # type: ignore[call-overload]
+    "an empty scene": (lambda: untyped.render({}), "scene.*found '{}'"),
+    "yes for a switch": (lambda: untyped.render(POOL, cache="yes"), "cache.*True or False"),
+    "readings that are no file": (lambda: untyped.pose.estimate(np.ones(3), POOL), "readings.*path"),
+    "one water for a list": (lambda: untyped.pose.bias(POOL, scattering=0.1), "scattering.*list"),
+    "a size in words": (lambda: untyped.picture(POOL, size="32x18"), "size.*32x18.*2 whole numbers"),
+    "half a size": (lambda: untyped.picture(POOL, size=(32,)), "size.*2 whole numbers"),
+    "half a pixel": (lambda: untyped.picture(POOL, size=(32.5, 18)), "size.*2 whole numbers"),
+    "a range that is a number": (lambda: untyped.band(POOL, between=400), "between.*2 numbers"),
+    "a number to compare": (lambda: untyped.compare(3), "what.*int.*Maps or their data set"),
     "a data set of something else": (
         lambda: lf.compare(xr.Dataset({"a": 1})),
         "what: .*no rendering.*`quantity`",
@@ -117,7 +120,7 @@ def sung(tone: Tone = "low", *, at: Sequence[float] | None = None) -> str:
 def test_a_type_under_another_name_is_checked_too() -> None:
     assert sung("high", at=range(2)) == "high range(0, 2)"
     with pytest.raises(lf.LightfieldError, match=r"tone.*'high' or 'low'"):
-        sung("middle")  # type: ignore[arg-type]
+        sung("middle")
     with pytest.raises(lf.LightfieldError, match=r"at.*a list of numbers"):
         sung(at=["a"])  # type: ignore[list-item]
 

@@ -33,7 +33,7 @@ def try_curves(pool: Pool, best: FittedSet, names: Collection[str]) -> None:
             continue
         whole = [*(c for c in best.explanation if c.name not in contains), curve]
         if pool.affordable(whole):
-            # As good as the forms: what a fit from elsewhere left far away does not stand for it.
+            # Begun at the forms it is worth a fit, however far away one from elsewhere left it.
             pool.fit(whole, [laid_over(pool, best, curve)], promised=pool.cost(pool.best()))
 
 
