@@ -53,6 +53,8 @@ LATER: Sequence[tuple[str, tuple[str, ...]]] = (
     ("line", ("plane_gain",)), ("grid", ("plane_gain", "beam_offset")),
     ("column", ("wall_reflection", "floor_reflection")), ("column", ("surface_reflection", "waves")),
     ("colour", ("attenuation_spectrum",)), ("colour", ("attenuation_spectrum", "background")),
+    ("colour", ("scattering", "scattering_slope")), ("colour", ("scattering", "scattering_spectrum")),
+    ("colour", ("beam_colour", "background")),
 )  # fmt: skip
 LATER_STRENGTH, LATER_DRAWS = (2.0, 10.0), 3
 #: Which of these tanks that of a campaign is.

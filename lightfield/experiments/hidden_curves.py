@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.fitting.curves import ABSORPTION, BACKGROUND, COLOUR, PLANES, POWER, SPECTRUM, field_of
+from lightfield.fitting.curves import ABSORPTION, BACKGROUND, COLOUR, HALO, PLANES, POWER, SPECTRUM, field_of
 from lightfield.fitting.effects import Effect
 from lightfield.readings import Readings
 from lightfield.scene.curve import Nodes
@@ -15,9 +15,9 @@ from lightfield.scene.curve import Nodes
 _NODES, _WAVES = 25, 3
 #: What one amplitude is worth in the unit of the curve: of logarithms a part; of absorption 1/m, seen over
 #: several metres; of a background that part of the brightest reading.
-_UNIT = {PLANES: 1.0, POWER: 1.0, SPECTRUM: 1.0, BACKGROUND: 1.0, ABSORPTION: 0.2, COLOUR: 0.2}
+_UNIT = {PLANES: 1.0, POWER: 1.0, SPECTRUM: 1.0, BACKGROUND: 1.0, HALO: 1.0, ABSORPTION: 0.2, COLOUR: 0.2}
 _COORDINATE = {PLANES: "z_m", ABSORPTION: "z_m", POWER: "time_s"}
-_COORDINATE |= dict.fromkeys((SPECTRUM, COLOUR, BACKGROUND), "wavelength_nm")
+_COORDINATE |= dict.fromkeys((SPECTRUM, COLOUR, HALO, BACKGROUND), "wavelength_nm")
 
 
 def field_to_hide(effect: Effect) -> str | None:

@@ -9,11 +9,13 @@ every curve is a departure from it and nothing else:
     lamp.power_departure        q(t), power = base exp(q)     int q''^2                without 1
     lamp.spectrum_departure     p(l), power = base exp(p)     int p''^2                without 1
     water.colour_departure      k(l), K = K_base + k          int k''^2                without 1
+    water.scattering_departure  s(l), b = b_stated exp(s)     int s''^2                without 1
     detector.plane_departure    g(z), gain = exp(g)           none: each plane's own   without 1, z
     detector.background_departure  b(l), background + b       int b''^2                without nothing
 
-An amplitude is the weighted rms of what its function changes in the logarithm of the readings; of a
-background, which is added, the most that it adds, over the brightest reading.
+An amplitude is the weighted rms of what its function changes in the logarithm of the readings; of
+scattering in that of the coefficient; of a background, which is added, the most that it adds, over the
+brightest reading.
 """
 
 from __future__ import annotations
@@ -42,14 +44,14 @@ PROFILE, ABSORPTION, POWER = (
     "lamp.power_departure",
 )
 SPECTRUM, COLOUR, PLANES = "lamp.spectrum_departure", "water.colour_departure", "detector.plane_departure"
-BACKGROUND = "detector.background_departure"
-FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, PLANES, BACKGROUND)
+BACKGROUND, HALO = "detector.background_departure", "water.scattering_departure"
+FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, HALO, PLANES, BACKGROUND)
 #: Most functions of each: of a lamp's profile 7 left rings and flat tops unexplained that 11 explain, and 11
 #: a measured flood with a steep edge and a step (what 7, 11 and 19 miss of 105 readings without noise: 1676,
 #: 136, 17 in chi-square; lamps of `benchmarks/many_effects`); K(z) at five distances has three, and hardly
 #: more are told apart at fifteen; six are a lamp's warm-up and a step. Eight follow the colour of a filter or
 #: of pigments 50 nm apart. Planes have a gain each, or are not asked.
-MOST = {PROFILE: 19, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, PLANES: 30, BACKGROUND: 8}
+MOST = {PROFILE: 19, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, PLANES: 30, BACKGROUND: 8}
 #: Readings that a plane has, in the mean, where its gain is asked for: fewer are all that a gain
 #: is made of. Chosen.
 _EACH = 3
@@ -64,6 +66,8 @@ BEYOND = 1.3
 _RELATIVE, _FLOOR, _DIM = 0.01, 0.001, 0.005
 #: Roughness counts by the area of its ring, and on the axis by this part of the outermost ring's. Chosen.
 _ON_AXIS = 0.1
+#: So many wavelengths tell a bend from a slope: derived.
+_A_BEND = 3
 #: So many curves are remembered by their amplitudes. Chosen: memory alone.
 _REMEMBERED = 32
 
@@ -100,7 +104,7 @@ class Curves:
     def bases(self) -> dict[str, Basis]:
         """Basis of every curve that the readings can tell of, by the scene's field."""
         found = (self._profile(), self._absorption(), self._power())
-        more = (self._spectrum(), self._colour(), self._planes(), self._background())
+        more = (self._spectrum(), self._colour(), self._halo(), self._planes(), self._background())
         return {basis.field: basis for basis in (*found, *more) if basis is not None}
 
     @cached_property
@@ -145,17 +149,17 @@ class Curves:
         return float(np.abs(value).max(initial=0.0)) or 1.0
 
     @cached_property
-    def _light(self) -> Array:
+    def light(self) -> Array:
         """What a reading is taken for, shape (n,)."""
         return np.asarray(np.maximum(np.asarray(self.readings.value, float), _DIM * self._top))
 
     @cached_property
-    def _weight(self) -> Array:
+    def weight(self) -> Array:
         """1 / (relative error of a reading)^2, shape (n,); 0 where it is saturated."""
         value, stderr = np.asarray(self.readings.value, float), np.asarray(self.readings.stderr, float)
         known = np.isfinite(stderr) & (stderr > 0)
         sigma = np.where(known, stderr, _RELATIVE * np.abs(value) + _FLOOR * self._top)
-        return np.where(self.readings.saturated, 0.0, (self._light / sigma) ** 2)
+        return np.where(self.readings.saturated, 0.0, (self.light / sigma) ** 2)
 
     def _profile(self) -> Basis | None:
         lamp, r = self.scene.lamp, self.readings
@@ -179,7 +183,7 @@ class Curves:
         family = Family(place, rough, [np.ones(NODES), x**2], known)
         found = self._basis(PROFILE, family, theta, value_at)
         # What could contradict it is not other angles alone, but the other places at each.
-        where = np.stack([np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)])[:, self._weight > 0]
+        where = np.stack([np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)])[:, self.weight > 0]
         places = len(np.unique(np.round(where, _PLANE_DECIMALS), axis=1).T)
         return found and replace(found, told=max(found.told, places - known))
 
@@ -239,9 +243,18 @@ class Curves:
         found = self._basis(COLOUR, bent(wave), wave, depth, gains)
         return found and self._by_its_readings(found, wave)
 
+    def _halo(self) -> Basis | None:
+        wave, r = self._colours, self.readings
+        wet = np.asarray(r.medium) != "air"
+        # Between two wavelengths every curve is a slope.
+        if wave is None or len(np.unique(wave[wet])) < _A_BEND:
+            return None
+        found = self._basis(HALO, bent(wave), wave, value_at)
+        return found and self._by_its_readings(found, wave)
+
     def _by_its_readings(self, found: Basis, wave: Array) -> Basis:
         """What could contradict a curve over wavelengths is not others, but the other readings of each."""
-        used = self._weight > 0
+        used = self.weight > 0
         return replace(found, told=int(used.sum()) - len(np.unique(wave[used])))
 
     def _background(self) -> Basis | None:
@@ -250,7 +263,7 @@ class Curves:
             return None
 
         def added(nodes: Nodes, at: Array) -> Array:
-            return np.asarray(value_at(nodes, at) / self._light)
+            return np.asarray(value_at(nodes, at) / self.light)
 
         found = self._basis(BACKGROUND, replace(bent(wave), known=0), wave, added)
         if found is None:
@@ -262,7 +275,7 @@ class Curves:
     def _planes(self) -> Basis | None:
         z = np.asarray(self.readings.z_m, float)
         place = np.unique(np.round(z, _PLANE_DECIMALS))
-        used = int((self._weight > 0).sum())
+        used = int((self.weight > 0).sum())
         if not 2 < len(place) <= MOST[PLANES] + 2 or used < _EACH * len(place):
             return None
         smooth = [np.ones(len(place)), place - place.mean()]
@@ -278,4 +291,4 @@ class Curves:
         acts: Callable[[Nodes, Array], Array],
         gains: NDArray[np.int_] | None = None,
     ) -> Basis | None:
-        return basis_of(field, family, at, self._weight, acts, MOST[field], gains)
+        return basis_of(field, family, at, self.weight, acts, MOST[field], gains)

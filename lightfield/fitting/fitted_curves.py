@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from lightfield.fitting.curves import (
     BACKGROUND,
     BEYOND,
     COLOUR,
+    HALO,
     PLANES,
     POWER,
     PROFILE,
@@ -30,6 +31,7 @@ from lightfield.scene import Scene
 from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.lamp.tabulated import save_intensity, save_power
+from lightfield.scene.water.coefficients import scattering_per_m
 from lightfield.scene.water.layers import layers_absorption_per_m
 from lightfield.storage.files import output_file
 
@@ -94,6 +96,10 @@ def _colour(scene: Scene, wavelength_nm: Array) -> Array:
     return np.asarray(attenuation_per_m(scene.water, wavelength_nm))
 
 
+def _scattering(scene: Scene, wavelength_nm: Array) -> Array:
+    return scattering_per_m(scene.water, wavelength_nm)
+
+
 def _power_per_nm(scene: Scene, wavelength_nm: Array) -> Array:
     return spectral_power(scene.lamp, wavelength_nm)
 
@@ -112,9 +118,31 @@ _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     POWER: ("time (s)", "relative lamp power", time_factor),
     SPECTRUM: ("wavelength (nm)", "lamp power (W/nm)", _power_per_nm),
     COLOUR: ("wavelength (nm)", "attenuation K (1/m)", _colour),
+    HALO: ("wavelength (nm)", "scattering b (1/m)", _scattering),
     PLANES: ("z (m)", "gain of the plane", _plane_gain),
     BACKGROUND: ("wavelength (nm)", "reading without the lamp", _background),
 }
+
+
+def changed_rms(forward: SceneForward, values: Mapping[str, float], field: str) -> float:
+    """Weighted rms of what a curve changes in the logarithm of the readings.
+
+    Parameters
+    ----------
+    forward : SceneForward
+        Whose readings made the functions of the curve.
+    values : mapping of str to float
+        Of a fit.
+    field : str
+        Dotted path of the scene's curve.
+    """
+    basis = forward.scenes.curves.bases[field]
+    if field != HALO:
+        return basis.rms(values)
+    # Of scattering an amplitude says how the coefficient changes, of which the readings are no multiple.
+    flat = {k: v for k, v in values.items() if field_of(k) != field}
+    changed = (forward.predict(values) - forward.predict(flat)) / forward.scenes.curves.light
+    return float(np.sqrt(np.average(changed**2, weights=forward.scenes.curves.weight)))
 
 
 def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[FittedCurve, ...]:
@@ -146,7 +174,7 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
         value, slopes = _with_slopes(forward, fit, shown, at)
         stderr = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
         without = shown(forward.scenes.at(flat, validate=False), at)
-        rms = curves.bases[field].rms(values)
+        rms = changed_rms(forward, values, field)
         out.append(FittedCurve(field, coordinate, quantity, at, value, stderr, without, rms))
     return tuple(out)
 

@@ -17,6 +17,7 @@ WORDS: dict[str, Any] = {
     "lamp.power_departure": ((0.0, 0.0), (1000.0, 0.1)),
     "lamp.spectrum_departure": ((480.0, 0.0), (580.0, 0.1)),
     "water.colour_departure": ((480.0, 0.02), (580.0, -0.01)),
+    "water.scattering_departure": ((480.0, 0.4), (580.0, -0.3)),
     "detector.plane_departure": ((4.5, 0.02), (6.5, -0.01)),
     "detector.background_departure": ((480.0, 0.02), (580.0, 0.01)),
     "water.absorption_departure": ((4.0, -0.02), (7.0, 0.03)),

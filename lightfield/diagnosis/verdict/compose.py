@@ -160,11 +160,16 @@ def _limits(
 
 
 def _untestable(basis: VerdictBasis) -> dict[str, tuple[Hindrance, ...]]:
-    """What these readings cannot show, with reasons; what shows beside the best set was tested there."""
+    """What these readings cannot show, with reasons.
+
+    What shows beside the best set was tested there, and what one of its curves contains is in it.
+    """
     finding = basis.finding
     of_base = finding.levels[0].adequacy.scores
     scores = (*of_base, *finding.adequacy_of(finding.best).scores)
-    return {**basis.untestable, **unseen_effects(of_base, scores, Hinders.ABSORBED)}
+    held = {name for c in finding.best.explanation for name in c.effect.contains} if finding.best else set()
+    unseen = unseen_effects(of_base, scores, Hinders.ABSORBED)
+    return {**basis.untestable, **{name: why for name, why in unseen.items() if name not in held}}
 
 
 def _of_best(finding: SearchResult, units: dict[str, str]) -> dict[str, Estimate]:

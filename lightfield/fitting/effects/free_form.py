@@ -91,6 +91,18 @@ EFFECTS = (
         contains=("cdom", "chlorophyll", "sediment", "wavelength_shift"),
     ),
     Effect(
+        "scattering_spectrum",
+        "diffuse light",
+        # Of the logarithm of scattering: a factor of 1.2, and one of 30.
+        _forms("water.scattering_departure", (2, 4, 8), large=3.5, typical=0.2),
+        "The particles scatter by a spectrum of their own, which is no power of the wavelength: pigments do, "
+        "and what is about as large as the wavelength.",
+        "A halo that is another part of the light in each band, without an order from blue to red.",
+        "Measure the scattering of a sample in every band.",
+        needs=("water", "two_colours"),
+        contains=("scattering_slope",),
+    ),
+    Effect(
         "lamp_spectrum",
         "lamp power",
         _forms("lamp.spectrum_departure", (2, 4, 8)),

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from lightfield.arrays import Array
 from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import switched_off
-from lightfield.scene.water.constituents import REFERENCE_NM, scattering_shape
+from lightfield.scene.water.coefficients import colour_of_particles
+from lightfield.scene.water.constituents import REFERENCE_NM
 from lightfield.scene.water.water import Water
 
 _SECONDS = 3600.0
@@ -33,8 +34,8 @@ def growth_per_m(water: Water, time_s: ArrayLike, wavelength_nm: ArrayLike = REF
     """
     t = np.nan_to_num(np.asarray(time_s, dtype=float))
     settled = -np.expm1(-t / water.settling_time_s)
-    if water.scattering_slope:
-        settled = settled * scattering_shape(water.scattering_slope, wavelength_nm)
+    if water.scattering_slope or water.scattering_departure:
+        settled = settled * colour_of_particles(water, wavelength_nm)
     return np.asarray(water.drift_per_m_per_hour * t / _SECONDS - water.settling_per_m * settled)
 
 

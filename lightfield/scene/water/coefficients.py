@@ -14,6 +14,7 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.curve import value_at
 from lightfield.scene.parameters import switched_off
 from lightfield.scene.water.constituents import (
+    REFERENCE_NM,
     cdom_absorption_per_m,
     chlorophyll_absorption_per_m,
     chlorophyll_scattering_per_m,
@@ -102,12 +103,29 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
     if is_grey(water):
         return np.full(w.shape, water.scattering_per_m + water.settling_per_m)
     grey = water.scattering_per_m + water.settling_per_m
-    b = _base(water, w)[1] + grey * scattering_shape(water.scattering_slope, w)
+    b = _base(water, w)[1] + grey * colour_of_particles(water, w)
     if water.chlorophyll_mg_per_m3:
         b = b + chlorophyll_scattering_per_m(water.chlorophyll_mg_per_m3, w)
     if water.sediment_g_per_m3:
         b = b + sediment_scattering_per_m(water.sediment_g_per_m3, w)
     return b
+
+
+def colour_of_particles(water: Water, wavelength_nm: ArrayLike) -> Array:
+    """What the scene's own scattering is, over that which it states, at 550 nm: shape of `wavelength_nm`.
+
+    Parameters
+    ----------
+    water : Water
+        scattering_slope, scattering_departure.
+    wavelength_nm : array, nm
+        Where.
+    """
+    shape = scattering_shape(water.scattering_slope, wavelength_nm)
+    if not water.scattering_departure:
+        return shape
+    at = value_at(water.scattering_departure, np.append(np.asarray(wavelength_nm, float), REFERENCE_NM))
+    return shape * np.exp(at[:-1] - at[-1]).reshape(shape.shape)
 
 
 def molecular_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:

@@ -39,6 +39,14 @@ class Water(Part):
         0.0, "1", "eta of that scattering, and of particles that settle: times (550 nm / wavelength)^eta",
         Acts.SCATTERING | Acts.COLOUR, low=-4.0, high=4.0, neutral=0.0, later=True,
     )  # fmt: skip
+    scattering_departure: Curve = declare(
+        (),
+        "[[wavelength_nm, ln of a factor], ...] on that scattering too, over the factor at 550 nm: linear "
+        "between, constant beyond",
+        Acts.SCATTERING | Acts.COLOUR,
+        neutral=(),
+        later=True,
+    )
     table: TablePath | None = declare(
         None,
         'for base "table": CSV (wavelength_nm, absorption_per_m, scattering_per_m)',

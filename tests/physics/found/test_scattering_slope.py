@@ -1,4 +1,5 @@
-"""Particles that scatter blue more than red, as small ones do: two and three bands of the full render."""
+"""Particles that scatter blue more than red, as small ones do, or by no power of the wavelength: bands of the
+full render."""
 
 from __future__ import annotations
 
@@ -6,6 +7,7 @@ import numpy as np
 import pytest
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.fitting.fitted_curves import fitted_curves
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.scene import Scene
@@ -50,6 +52,42 @@ def test_a_band_is_lit_as_by_grey_water_of_its_own(light: tuple[np.ndarray, np.n
         assert misfit(0.25 * 550 / nm) < 2 < 5 < misfit(0.25)
 
 
+#: Of no power: most in the middle band.
+PEAKED = np.array([0.15, 0.28, 0.17])
+HALO = ("water.scattering_departure.1", "water.scattering_departure.2")
+ASKED = ["scattering", "scattering_slope", "background", "background_spectrum", "beam_skirt"]
+
+
+@pytest.mark.slow
+def test_scattering_of_no_power_is_a_curve() -> None:
+    """Every band in grey water of its own. Of another simulator's readings "background spectrum" was called
+    certain, or nothing explained them."""
+    table = places()
+    light, error = np.empty((2, len(table.value)))
+    for nm, b in zip(NM.tolist(), PEAKED.tolist(), strict=True):
+        mine = table.wavelength_nm == nm
+        grey = SCENE.with_values({"water.scattering_per_m": b, "water.phase.g": 0.9})
+        light[mine], error[mine] = rendered(grey, table.subset(mine), 2e7)
+    stderr = np.hypot(np.hypot(0.006 * light, 0.0003 * light.max()), error)
+    readings = Readings.from_arrays(
+        x_m=table.x_m, z_m=table.z_m, wavelength_nm=table.wavelength_nm, stderr=stderr, quantity="irradiance",
+        value=light + stderr * np.random.default_rng(3).standard_normal(len(light)),
+    )  # fmt: skip
+    answer = diagnose(readings, SCENE, only=[*ASKED, "scattering_spectrum"], advise=False)
+    found, last = answer.verdict, answer.steps[-1].fit
+    assert set(found.certain) == {"scattering", "scattering_spectrum"} == set(found.best_set)
+    assert "scattering_slope" not in found.untestable
+    (curve,) = fitted_curves(answer.forward, last, answer.finding.level.phi)
+    there = [np.abs(curve.at - w).argmin() for w in NM]
+    assert np.abs((curve.value[there] - PEAKED) / curve.stderr[there]).max() < 3
+    assert curve.stderr[there].max() < 0.04
+    # The halo alone changes with it: readings by less than the coefficient.
+    flat = dict(last.values) | dict.fromkeys(HALO, 0.0)
+    changed = (answer.forward.predict(last.values) - answer.forward.predict(flat)) / light
+    weights = (light / stderr) ** 2
+    assert curve.rms == pytest.approx(np.sqrt(np.average(changed**2, weights=weights)), rel=0.1)
+
+
 @pytest.fixture(scope="module")
 def fine() -> tuple[np.ndarray, np.ndarray]:
     """Known to a third of the readings' noise: bands share photons, and so what is wrong with them."""
@@ -71,8 +109,7 @@ def test_the_slope_is_found_beside_the_scattering(
         x_m=table.x_m, z_m=table.z_m, wavelength_nm=table.wavelength_nm, stderr=error,
         value=light[0] + error * rng.standard_normal(len(error)), quantity="irradiance",
     )  # fmt: skip
-    asked = ["scattering", "scattering_slope", "background", "background_spectrum", "beam_skirt"]
-    found = diagnose(readings, SCENE, only=asked, advise=False).verdict
+    found = diagnose(readings, SCENE, only=[*ASKED, "scattering_spectrum"], advise=False).verdict
     assert set(found.best_set) == {"scattering", "scattering_slope"}
     for path, true in HIDDEN.items():
         told = found.explanations[0].parameters[path]

@@ -245,7 +245,8 @@ def test_curves_are_kept_apart_from_named_effects() -> None:
     assert spare == [1, 0]
     for curve in effects.curves().values():
         for name, effect in effects.table().items():
-            together = name not in curve.contains
+            # What counts direct light only does not know of what is scattered.
+            together = name not in curve.contains and not (curve.diffuse and effect.direct_only)
             assert curve.combines_with(effect) == effect.combines_with(curve) == together
 
 
@@ -254,7 +255,7 @@ def test_readings_that_cannot_tell_a_curve_say_so() -> None:
     there = table.z_m < 5
     one_plane = replace(table.subset(there), time_s=np.full(there.sum(), np.nan))
     _, why = problem_of(SceneForward(believed(), one_plane), one_plane, effects.curves().values(), None)
-    of_colours = {"attenuation_spectrum", "lamp_spectrum", "background_spectrum"}
+    of_colours = {"attenuation_spectrum", "lamp_spectrum", "background_spectrum", "scattering_spectrum"}
     assert set(why) == {"attenuation_profile", "lamp_power_curve", "plane_gain"} | of_colours
     two = table.subset(table.z_m < 6)
     _, why = problem_of(SceneForward(believed(), two), two, effects.curves().values(), None)

@@ -320,11 +320,13 @@ def test_one_reading_for_each_distance_tells_no_gain_of_planes() -> None:
         ("attenuation_profile", "water.absorption_departure"),
         ("lamp_power_curve", "lamp.power_departure"),
         ("attenuation_spectrum", "water.colour_departure"),
+        ("scattering_spectrum", "water.scattering_departure"),
         ("background_spectrum", "detector.background_departure"),
     ],
 )
 def test_a_curve_is_hidden_by_its_name(name: str, field: str, tmp_path: Path) -> None:
-    """Of the size that is asked for: the rms of its nodes, five times as much of ln as of absorption."""
+    """Of the size that is asked for: the rms of its nodes; five times as much of ln as of absorption,
+    and ten times as much of that of scattering, of which readings are no multiple."""
     rng = np.random.default_rng(0)
     made = coloured(rng, 0.0 * COLOURS)
     lit = made.pop("lit")
@@ -332,7 +334,8 @@ def test_a_curve_is_hidden_by_its_name(name: str, field: str, tmp_path: Path) ->
     values = draw_effect(scene, table, name, rng, 3.0)
     ((path, nodes),) = values.items()
     size = np.sqrt(np.mean([value**2 for _, value in nodes]))
-    unit = 0.1 if name == "background_spectrum" else 0.2 if path.startswith("water") else 1.0
+    unit = 0.2 if path in ("water.colour_departure", "water.absorption_departure") else 1.0
+    unit = {"background_spectrum": 0.1, "scattering_spectrum": 10.0}.get(name, unit)
     assert path == field and size == pytest.approx(0.06 * unit)
     assert scene.with_values(values).digest() != scene.digest()
     # A slope that the scene states stays, with the same curve on it.

@@ -64,6 +64,8 @@ TAKEN = Taken(
     halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
     z_m=np.array([4.5, 5.5, 6.5]),
 )
+#: Of what the scene scatters itself.
+COLOUR_OF_NOTHING = ("water.scattering_slope", "water.scattering_departure")
 #: Which wavelengths are read is no matter of a trace.
 BANDS = ("detector.bands_nm", "detector.wavelength_shift_nm")
 
@@ -248,9 +250,9 @@ def test_water_that_is_called_grey_or_dark_is(path: str) -> None:
     coefficients = [f(scene.water, WAVELENGTHS) for f in (absorption_per_m, scattering_per_m)]
     flat = all(np.ptp(c) == 0 for c in coefficients)
     # A preset may know one wavelength only, and what nothing scatters has no colour.
-    assert is_grey(scene.water) == (flat and path not in ("water.base", "water.scattering_slope"))
+    assert is_grey(scene.water) == (flat and path not in ("water.base", *COLOUR_OF_NOTHING))
     assert is_layered(scene.water) == differ(_layers(scene), _layers(Scene()))
     assert scene.tank is not None
     lit = coefficients[1].max() > 0 or max(scene.tank.wall_albedo, scene.tank.surface_reflectance) > 0
-    lit = lit or path == "water.scattering_slope"  # a trace that finds nothing does no harm
+    lit = lit or path in COLOUR_OF_NOTHING  # a trace that finds nothing does no harm
     assert has_diffuse_light(scene) == lit == (not neutral(scene, DIFFUSE))

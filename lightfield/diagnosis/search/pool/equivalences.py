@@ -73,7 +73,11 @@ TABLE = (Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_recei
 #: Effects that show only beside another one, which hides them by its own size while they are small: waves
 #: dim what a surface mirrors, and at small slopes a surface that mirrors less is all that is seen of them;
 #: scattering has a colour where there is some.
-BESIDE = {"waves": "surface_reflection", "scattering_slope": "scattering"}
+BESIDE = {
+    "waves": "surface_reflection",
+    "scattering_slope": "scattering",
+    "scattering_spectrum": "scattering",
+}
 #: Such a fit begins at so many typical sizes. Chosen.
 _SIZES = (1.0, 3.0)
 

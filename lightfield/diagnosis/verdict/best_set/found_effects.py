@@ -14,6 +14,7 @@ from lightfield.diagnosis.verdict.calibration import EFFECT as POWER
 from lightfield.diagnosis.verdict.ladder import adds
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
 from lightfield.fitting.curves import field_of
+from lightfield.fitting.fitted_curves import changed_rms
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene.lamp.width import stated_width_deg
@@ -89,7 +90,7 @@ def _rms_percent(forward: SceneForward, candidate: Candidate, fit: Fit) -> float
     """What a curve changes in the readings."""
     if not candidate.effect.is_free_form:
         return None
-    return 100 * forward.scenes.curves.bases[field_of(candidate.amplitudes[0].path)].rms(fit.values)
+    return 100 * changed_rms(forward, fit.values, field_of(candidate.amplitudes[0].path))
 
 
 def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:

@@ -32,10 +32,11 @@ def test_readings_of_one_moment_need_one() -> None:
 
 def test_what_settles_takes_its_colour_with_it() -> None:
     """Attenuation of the water of a moment is that at time 0 and its growth, at every wavelength."""
-    water, nm = (
-        Water(scattering_per_m=0.1, settling_per_m=0.3, scattering_slope=1.5),
-        np.array([450.0, 650.0]),
-    )
-    then = scattering_per_m(at_time(water, 1800.0), nm)
-    assert then == pytest.approx(scattering_per_m(water, nm) + growth_per_m(water, 1800.0, nm))
-    assert then[0] / then[1] == pytest.approx((650 / 450) ** 1.5)
+    nm = np.array([450.0, 550.0, 650.0])
+    power = Water(scattering_per_m=0.1, settling_per_m=0.3, scattering_slope=1.5)
+    # As stated at 550 nm, whatever the curve is there.
+    curve = Water(scattering_per_m=0.1, settling_per_m=0.3, scattering_departure=((450, 0.5), (650, -0.1)))
+    for water, shape in ((power, (550 / nm) ** 1.5), (curve, np.exp([0.3, 0.0, -0.3]))):
+        then = scattering_per_m(at_time(water, 1800.0), nm)
+        assert then == pytest.approx(scattering_per_m(water, nm) + growth_per_m(water, 1800.0, nm))
+        assert then == pytest.approx((0.1 + 0.3 * np.exp(-0.5)) * shape)
