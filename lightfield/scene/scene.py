@@ -7,13 +7,13 @@ import json
 import math
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import tomli_w
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_validator
 
 from lightfield.errors import RuleError, SceneError, brief
 from lightfield.scene.detector import Detector
@@ -48,6 +48,8 @@ from lightfield.storage.files import write_text
 #: So many changed values are named in an error.
 _NAMED = 3
 LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.
+#: What a scene is called in errors while it is made; None: who makes it says so himself.
+_WHERE = "where"
 
 
 class Scene(Part):
@@ -108,6 +110,19 @@ class Scene(Part):
                 found={"water.absorption_per_m": self.water.absorption_per_m},
             )
         return self
+
+    # The last, so that it hears of what all others find.
+    @model_validator(mode="wrap")
+    @classmethod
+    def _told(cls, data: Any, read: Callable[[Any], Scene], info: ValidationInfo) -> Scene:
+        """Whoever makes a scene hears in one sentence what is wrong with it."""
+        where = (info.context or {}).get(_WHERE, "scene")
+        try:
+            return read(data)
+        except ValidationError as error:
+            if where is None:  # there are better words
+                raise
+            raise scene_error(error, cls, where) from None
 
     # -- files ---------------------------------------------------------------------------------
 
@@ -180,10 +195,7 @@ class Scene(Part):
         SceneError
             Not a scene.
         """
-        try:
-            return cls.model_validate(data, context={FOLDER_KEY: os.fspath(folder)})
-        except ValidationError as error:
-            raise scene_error(error, cls, where) from None
+        return cls.model_validate(data, context={FOLDER_KEY: os.fspath(folder), _WHERE: where})
 
     def to_dict(self) -> dict[str, Any]:
         """What was said about the scene, without what was left at its default."""
@@ -324,7 +336,7 @@ class Scene(Part):
         if not data[OWN_FIELD]:
             del data[OWN_FIELD]
         try:
-            return type(self).model_validate(data)
+            return type(self).model_validate(data, context={_WHERE: None})
         except ValidationError as error:
             whole = any(not problem["loc"] for problem in error.errors())  # else a problem names its value
             raise scene_error(error, type(self), _assigned(values) if whole else "values") from None

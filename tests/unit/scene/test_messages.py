@@ -199,6 +199,18 @@ def test_a_rule_and_its_remedy_are_two_fields(tmp_path: Path) -> None:
     assert f"found {str(table)!r}; rule: a file that exists; remedy: give a path" in str(missing.value)
 
 
+def test_a_scene_by_hand_says_what_is_wrong_as_a_file_does() -> None:
+    for parts, said in (
+        ({"tank": {"width_m": -1}}, "tank.width_m: wrong value; found -1; rule: a number > 0"),
+        ({"lamp": {"hwhm_dge": 3}}, "lamp.hwhm_dge: unknown key; found 3"),
+    ):
+        with pytest.raises(SceneError) as by_hand:
+            Scene(**parts)
+        with pytest.raises(SceneError) as read:
+            Scene.from_dict(parts)
+        assert str(by_hand.value) == str(read.value) and said in str(read.value)
+
+
 def test_the_complaint_of_a_table_is_told_once_with_its_own_rule(tmp_path: Path) -> None:
     (tmp_path / "lamp.csv").write_text("angle_deg,intensity\n0,1\n10,x\n")
     scene = tmp_path / "scene.toml"
