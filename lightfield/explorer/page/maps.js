@@ -23,20 +23,34 @@ LF.paintMap = (canvas, values, side, tone) => {
   context.putImageData(image, 0, 0);
 };
 
+// What colours and edges of the maps mean, and between what the ratio lies where there is light to compare.
+LF.mapsSaid = (ratio, x, y, log) => {
+  // Of the outer cells the edges: places are the middles of cells.
+  const edges = (at) => [-1, 1].map((end) => LF.number(at.at(end < 0 ? 0 : -1) + 0.5 * end * (at[1] - at[0]), 3));
+  const reach = (name, at) => `${name} from ${edges(at).join(" to ")} m`;
+  const known = ratio.filter(Number.isFinite), low = LF.number(Math.min(...known)), high = LF.number(Math.max(...known));
+  const between = known.length ? ` Formula over render: ${low === high ? low + " everywhere" : low + " to " + high}.` : "";
+  const darkest = log ? "a thousandth of the brightest, or less," : "nothing";
+  LF.$("map-said").textContent = `Colours go from ${darkest} to the brightest; ${reach("x", x)}, ${reach("y", y)}.${between}`;
+};
+
 LF.blank = (canvas) => { canvas.width = canvas.width; };
 
 LF.paintMaps = (render, formula, side, log) => {
   // A plane in a shallow tank is no square: a round beam must look round in it.
   const { map_x_m: x, map_y_m: y } = LF.experiment, wide = (x[side - 1] - x[0]) / (y[side - 1] - y[0]);
   for (const id of ["map-render", "map-formula", "map-ratio"]) LF.$(id).style.aspectRatio = Number.isFinite(wide) && wide > 0 ? wide : 1;
+  LF.$("map-said").textContent = "";
   if (!formula) { for (const id of ["map-render", "map-formula", "map-ratio"]) LF.blank(LF.$(id)); return; }
   const top = LF.extent([render || formula])[1], floor = 1e-3;
   const tone = log
     ? (v, out, k) => LF.shade(LF.dark, 1 + Math.log10(Math.max(v / top, floor)) / 3, out, k)
     : (v, out, k) => LF.shade(LF.dark, v / top, out, k);
   LF.paintMap(LF.$("map-formula"), formula, side, tone);
+  LF.mapsSaid([], x, y, log);
   if (!render) { LF.blank(LF.$("map-render")); LF.blank(LF.$("map-ratio")); return; }
   LF.paintMap(LF.$("map-render"), render, side, tone);
   const ratio = Array.from(render, (v, k) => (v > 0 ? formula[k] / v : NaN));
   LF.paintMap(LF.$("map-ratio"), ratio, side, (v, out, k) => LF.shade(LF.parting, 0.5 + Math.log10(Math.max(v, 1e-3)) / 2, out, k));
+  LF.mapsSaid(ratio.filter((v, k) => render[k] > floor * top), x, y, log);
 };

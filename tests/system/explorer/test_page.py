@@ -114,6 +114,9 @@ def test_all_is_done_by_keyboard(page) -> None:
     page.locator("#map-render").focus()
     page.keyboard.press("ArrowRight")
     assert page.locator("#cursor").inner_text().startswith("x ")
+    # The plane of the scene, 2 m wide: to the edges of its outer cells.
+    said = page.locator("#map-said").inner_text()
+    assert "x from −1.00 to 1.00 m, y from −1.00 to 1.00 m. Formula over render: " in said
     page.locator("#save-menu > summary").focus()
     page.keyboard.press("Enter")
     page.get_by_role("link", name="Scene (TOML)").wait_for()
