@@ -1,0 +1,112 @@
+"""What a diagnosis says where a number that was chosen is half or double, and write the page.
+
+    python -m benchmarks.chosen [--processes N] [--minutes M] [--store FILE] [--page FOLDER]
+
+Results are kept, one line per number and factor: started again, it does only what is missing. Nothing is
+asserted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+import time
+import zlib
+from pathlib import Path
+from typing import Any
+
+from benchmarks.chosen.page import page
+from benchmarks.chosen.sets import SETS, believed, readings_of
+from benchmarks.chosen.values import FACTORS, Chosen, Used, chosen, instead, other
+from benchmarks.hidden_effects import store
+from lightfield.diagnosis.diagnose import diagnose
+
+ROOT = Path(__file__).resolve().parents[2]
+Said = dict[str, dict[str, Any]]
+
+
+def said() -> Said:
+    """What is said of every set; a crash is an answer too."""
+    out = {}
+    for one in SETS:
+        try:
+            verdict = diagnose(
+                readings_of(one), believed(), only=one.asked, diffuse=None, advise=False
+            ).verdict
+            sentence = {
+                "verdict": verdict.verdict, "best_set": sorted(verdict.best_set),
+                "certain": sorted(verdict.certain),
+                "values": {
+                    path: [p.value, p.stderr] for path, p in verdict.ladder[-1].parameters.items()
+                },
+            }  # fmt: skip
+        except Exception as error:  # whatever it is, it belongs in the table
+            sentence = {"verdict": "error", "error": repr(error), "best_set": [], "certain": [], "values": {}}
+        out[one.name] = sentence
+    return out
+
+
+def as_it_is() -> tuple[Said, list[str]]:
+    """What is said with every number as it is, and the numbers that it rests on."""
+    used = Used()
+    with used:
+        now = said()
+    return now, [one.label for one in chosen() if used.by(one)]
+
+
+def with_another(one: Chosen, factor: float) -> Said:
+    """What is said with another value of one number."""
+    with instead(one, other(one.value, factor)):
+        return said()
+
+
+def _job(job: tuple[str, float]) -> tuple[str, float, Said, float]:
+    label, factor = job
+    (one,) = [c for c in chosen() if c.label == label]
+    begun = time.process_time()
+    return label, factor, with_another(one, factor), time.process_time() - begun
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.chosen", description=__doc__)
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin nothing new after so long")
+    parser.add_argument("--store", type=Path, default=ROOT / "build" / "chosen.jsonl")
+    parser.add_argument("--page", type=Path, default=Path(__file__).parent / "README.md")
+    args = parser.parse_args()
+    known = chosen()
+    # One process for each number: what one remembers was computed with another.
+    context = multiprocessing.get_context("fork")
+    rows = store.read(args.store)
+    if not any(row["label"] == "" for row in rows):
+        with context.Pool(1, maxtasksperchild=1) as pool:
+            now, used = pool.apply(as_it_is)
+        store.append(args.store, {"label": "", "said": now, "used": used, "code": store.code_version()})
+    rows = store.read(args.store)
+    (first,) = [row for row in rows if row["label"] == ""]
+    done = {(row["label"], row.get("factor")) for row in rows}
+    # In an order of their own: whenever it ends, what is done is a fair sample.
+    jobs = [
+        (one.label, factor)
+        for one in known
+        for factor in FACTORS
+        if one.label in first["used"] and other(one.value, factor) is not None
+        if (one.label, factor) not in done
+    ]
+    jobs.sort(key=lambda job: zlib.crc32(job[0].encode()))
+    until = time.monotonic() + 60 * args.minutes
+    with context.Pool(args.processes, maxtasksperchild=1) as pool:
+        each = enumerate(pool.imap_unordered(_job, jobs, chunksize=1), 1)
+        for k, (label, factor, sentence, seconds) in each:
+            store.append(args.store, {"label": label, "factor": factor, "said": sentence, "cpu_s": seconds})
+            print(f"{k} of {len(jobs)}: {label} x {factor:g}, {seconds:.0f} s", file=sys.stderr)
+            if time.monotonic() > until:
+                pool.terminate()
+                break
+    args.page.write_text(page(store.read(args.store), known), encoding="utf-8")
+    print(args.page)
+
+
+if __name__ == "__main__":
+    main()
