@@ -129,7 +129,7 @@ class Used:
 
 
 def _holders(one: Chosen) -> list[ModuleType]:
-    """Modules where the name stands for it: its own, and those that import it; nobody imports private ones."""
+    """Modules where the name stands for it: its own, and, of a public one, those that import it."""
     private = one.name.startswith("_")
     named = [m for m in _modules() if vars(m).get(one.name) is one.value]
     return [m for m in named if m.__name__ == one.module or not private]
