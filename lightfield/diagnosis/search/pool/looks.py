@@ -14,10 +14,12 @@ from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
+from lightfield.diagnosis.search.pool.equivalences import try_colours
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.set_of_effects import FittedSet
+from lightfield.fitting.effects.free_form import SCATTERING_SPECTRUM
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
 #: Chosen; with half and twice of the first two ten campaigns have the same verdicts.
@@ -42,6 +44,8 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
     polish(pool, direct)
+    if scatters_in_colours(pool):
+        return pool.best()
     with_curve_of_lamp(pool)
     best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)
@@ -64,6 +68,15 @@ def with_curve_of_lamp(pool: Pool) -> FittedSet:
         polish(pool, lambda candidate: not candidate.effect.diffuse)
         polish(pool, everything)
     return pool.best()
+
+
+def scatters_in_colours(pool: Pool) -> bool:
+    """Is scattering by a spectrum of its own the best, beside what direct light shows, and what it grows to?
+
+    Named effects that absorb by the wavelength may stand for it in part, in hundreds of sets.
+    """
+    try_colours(pool, pool.best())
+    return SCATTERING_SPECTRUM in pool.best().names and SCATTERING_SPECTRUM in polish(pool, everything).names
 
 
 def _curves(pool: Pool) -> None:
