@@ -17,6 +17,8 @@ from lightfield.storage.tables import read_rows, readable
 NOTHING = Acts(0)
 #: More would take minutes and gigabytes, and tell no more (Eren 2015: nothing gained beyond 7 x 7).
 MOST_ELEMENTS = 2500
+#: Farther out is no vehicle's array (chosen: as far as a grid may reach).
+MOST_REACH_M = 10.0
 COLUMNS = ("x_m", "y_m", "z_m", "nx", "ny", "nz")
 WAY_COLUMNS = ("time_s", "x_m", "y_m", "z_m")
 Count = Annotated[int, Field(strict=True, ge=1, le=1000)]
@@ -78,10 +80,17 @@ class DetectorArray(Part):
             raise RuleError("layout table needs a table", f"give table = a CSV of {', '.join(COLUMNS)}")
         if self.layout == "table" and self.table is not None:
             readable(read_rows, self.table, COLUMNS)
-            *_, nx, ny, nz = read_rows(self.table, COLUMNS)
+            *places, nx, ny, nz = read_rows(self.table, COLUMNS)
             if len(nx) > MOST_ELEMENTS:
                 elements = {f"elements in {self.table}": len(nx)}
                 raise RuleError(f"at most {MOST_ELEMENTS} elements", "leave some out", found=elements)
+            farthest = max(float(abs(v).max()) for v in places)
+            if farthest > MOST_REACH_M:
+                raise RuleError(
+                    f"elements within {MOST_REACH_M:g} m of the follower",
+                    "places in metres, not in millimetres",
+                    found={f"farthest in {self.table}, m": farthest},
+                )  # fmt: skip
             if not (nx**2 + ny**2 + nz**2 > 0).all():
                 raise RuleError("no normal of length zero", "say where every element faces", found=self.table)
         if self.layout == "hemisphere" and not self.radius_m:

@@ -2,9 +2,8 @@
 
     chi2 = sum (reading - mu(pose) exp(sum_k u_k d_k(pose)))^2 / variance + sum_k (u_k / sigma_k)^2
 
-u_k is what is not known exactly, the gain, the water, the lamp's direction, and d_k what it does to the
-logarithm of a reading, 1 for that of the gain: light fades by an exponential, so that this holds far from
-what is believed.
+u_k is what is not known exactly, the gain and the water, and d_k what it does to the logarithm of a reading,
+1 for that of the gain: light fades by an exponential, so that this holds far from what is believed.
 
 Levenberg's and Marquardt's search (Marquardt 1963, J. SIAM 11, 431), all starts side by side: the light of
 all of them is asked for in one call.
@@ -18,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import Array
-from lightfield.studies.follower.array_light import DARK, MARGIN_M, ArrayModel, Space
+from lightfield.studies.follower.array_light import DARK, LAMP_TILTS, MARGIN_M, ArrayModel, Space
 from lightfield.studies.follower.frames import POSE, wrapped
 
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
@@ -80,8 +79,12 @@ class Beforehand:
 
     @classmethod
     def of(cls, sigmas: Mapping[str, float]) -> Beforehand:
-        """About what is believed, each by itself."""
-        names = gain_first(sigmas)
+        """About what is believed, each by itself.
+
+        Not of the lamp's direction: a lamp and a follower that turn about it together read the same, so that
+        it is best left where it is believed, and its light is no exponential of how far it turns.
+        """
+        names = gain_first(name for name in sigmas if name not in LAMP_TILTS)
         root = np.diag(np.array([float(sigmas[name]) for name in names]) ** -1.0)
         return cls(names, np.zeros(len(names)), root)
 

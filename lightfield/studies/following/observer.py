@@ -82,7 +82,9 @@ class Observer:
         mean, covariance = self.filter.beside(anew) if self._learns else believed
         root = np.linalg.inv(np.linalg.cholesky(covariance))
         poses, unknown, misfit = self._nearest(readings, variance, mean, root, anew)
-        scatter, common, certain = self._scatter(*self._where(poses, unknown, mean, anew, seconds), variance)
+        scatter, common, certain = self._scatter(
+            *self._where(poses, unknown, mean, anew, seconds), variance, readings
+        )
         measured, n = poses[:, self.filter.at], len(self.filter.at)
         if self._learns:
             # As the reading tells alone: what was known beforehand drew the unknowns, and the pose with them.
@@ -150,7 +152,9 @@ class Observer:
         self._calm.begin(anew, poses)
         return np.clip(self._calm.poses, *self.box), np.where(anew[:, None], unknown, mean)
 
-    def _scatter(self, poses: Array, unknown: Array, variance: Array) -> tuple[Array, Array, Mask]:
+    def _scatter(
+        self, poses: Array, unknown: Array, variance: Array, readings: Array
+    ) -> tuple[Array, Array, Mask]:
         """Covariances of poses and unknowns by single readings, shape (count, n + k, n + k).
 
         Of these, what elements that are unlike, and the lamp's direction, make of them, shape
@@ -171,7 +175,9 @@ class Observer:
         found = np.tile(np.eye(len(scale[0])), (len(poses), 1, 1))
         if certain.any():
             found[certain] = np.linalg.inv(scaled[certain]) * (scale[:, :, None] * scale[:, None, :])[certain]
-        unlike = np.eye(read.shape[1]) * (self.noise.mismatch * read)[:, None, :]
+        # Of the variance: more of it than there is would leave the filter less than nothing. Where the lamp
+        # points elsewhere a reading is by far not what a pose reads.
+        unlike = np.eye(read.shape[1]) * (self.noise.mismatch * np.maximum(readings, 0.0))[:, None, :]
         turned = self.light.model.by_nuisances(poses, list(self._tilts)) * list(self._tilts.values())
         turned *= self.light.gains(unknown)[:, None, None]
         constants = np.concatenate([unlike, turned], axis=2) / np.sqrt(variance)[:, :, None]

@@ -84,6 +84,13 @@ def test_normals_of_no_length_are_refused(tmp_path: Path) -> None:
         Scene.from_dict({"array": {"layout": "table", "table": "elements.csv"}}, folder=tmp_path)
 
 
+def test_a_table_in_millimetres_is_refused(tmp_path: Path) -> None:
+    """It had run out of memory, and said so."""
+    (tmp_path / "elements.csv").write_text("x_m,y_m,z_m,nx,ny,nz\n120,0,0,0,0,-1\n-120,0,0,0,0,-1\n")
+    with pytest.raises(SceneError, match=r"within 10 m .* not in millimetres"):
+        Scene.from_dict({"array": {"layout": "table", "table": "elements.csv"}}, folder=tmp_path)
+
+
 def test_a_follower_stays_in_the_tank_and_a_missing_one_is_named() -> None:
     with pytest.raises(SceneError, match="follower = "):
         Scene.from_dict({"tank": {}, "follower": {"x_m": 3.0}})

@@ -16,7 +16,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from lightfield.arrays import Array, Mask
 from lightfield.scene import Scene
-from lightfield.studies.follower.array_light import ArrayModel, Light, Space, pose_names
+from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel, Light, Space, pose_names
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.estimation.posterior import Reading
@@ -192,14 +192,14 @@ class Estimator:
     def fit(self, readings: Array, starts: Array, again: int = 0) -> Minima:
         """Minima from the starts, best first; see `find_minima`.
 
-        The water and the lamp's direction are sought from where the pose is best with these as believed, and
-        from the first starts `again`: two minima of another water may be one of that believed in.
+        The water is sought from where the pose is best with it as believed, and from the first starts
+        `again`: two minima of another water may be one of that believed in.
         """
         box, variance = box_of(self.space), self.noise.variance(readings)
         gain = {name: sigma for name, sigma in self.nuisances.items() if name == "gain"}
         search = partial(find_minima, self.model, readings, variance, self.names, box=box)
         found = search(starts, nuisances=gain).best_first()
-        if gain != self.nuisances:
+        if self.nuisances.keys() - gain.keys() - LAMP_TILTS.keys():
             begin = np.concatenate([distinct(found.poses), starts[:again]])
             found = search(begin, nuisances=self.nuisances).best_first()
         return found

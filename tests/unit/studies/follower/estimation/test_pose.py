@@ -57,6 +57,21 @@ def test_readings_without_noise_give_their_pose(gain: float) -> None:
     assert found.gain == pytest.approx(gain, rel=1e-4) and found.fits and not found.rivals
 
 
+def test_a_lamp_that_may_point_elsewhere_moves_no_estimate_to_one_side() -> None:
+    """Known to 2 degrees: sought as if its light faded by an exponential it put followers 0.2 m too far, with
+    rivals that are none."""
+    unknown = {"gain": 0.05, "lamp tilt x": np.radians(2.0), "lamp tilt y": np.radians(2.0)}
+    seeking = Estimator(ArrayModel(LIGHT, HEMISPHERE), NOISE, FIVE, unknown, SPACE)
+    rng, pose = np.random.default_rng(3), np.array([0.1, -0.05, 6.5, 0.05, 0.1, 0.0])
+    found = [seeking.estimate(noisy(pose, rng)) for _ in range(24)]
+    off = np.array([one.pose[2] - pose[2] for one in found])
+    assert abs(off.mean()) < 3.5 * off.std(ddof=1) / np.sqrt(24)
+    assert off.std() < 1.5 * estimator().estimate(noisy(pose, rng)).total.sigma["z"]
+    assert not any(one.ambiguous for one in found)
+    # Where it stands beside the axis it knows no better than where the lamp points.
+    assert found[0].total.sigma["x"] == pytest.approx(6.5 * np.radians(2.0), rel=0.3)
+
+
 def test_estimates_scatter_as_the_bound_says_and_fit_as_chi2() -> None:
     """200 draws: squared distances from the truth, and chi2, are those of their degrees of freedom."""
     rng, one = np.random.default_rng(2), estimator(gain=0.0)
