@@ -36,6 +36,8 @@ MOST_PANELS, MOST_NARROW = 5, 3
 LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
 AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
+#: A panel of five has room for so many letters above it (chosen by eye).
+_ONE_LINE = 18
 #: Misfits are drawn linear within the first, and over decades beyond where they reach the second, in sigma.
 NOISE_SIGMA, FAR_SIGMA = 3.0, 15.0
 #: Where decades of misfit are labelled, of either sign.
@@ -98,7 +100,9 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
         at[~out], value[~out], sigma[~out], fmt="o", color=DATA, markersize=3, linewidth=0.9, label="readings"
     )
     upper.plot(at[out], value[out], "x", color=MUTED, markersize=5, label="left out" if out.any() else None)
-    upper.set_title(group.label)
+    # A long one would run into that of the next panel.
+    label = group.label if len(group.label) <= _ONE_LINE else group.label.replace(", ", ",\n", 1)
+    upper.set_title(label)
     _over_decades(upper, value[~out])
     residual_panel(lower, view, at, rows, out)
     lower.set_xlabel(AXIS_NAMES[view.scan_axis])

@@ -2,6 +2,7 @@
 
 import dataclasses
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -297,6 +298,15 @@ def test_readings_of_no_light_stand_at_the_foot_of_a_logarithmic_axis():
     marks = [line for axis in uppers for line in axis.lines if line.get_label() == "zero or below"]
     assert sum(len(mark.get_xdata()) for mark in marks) == 2
     assert "zero or below" in [text.get_text() for text in shown.legends[0].get_texts()]
+
+
+def test_titles_of_panels_do_not_run_into_each_other():
+    view, each = example(), np.arange(105)
+    made = {"medium": [("water", "air")[k // 2 % 2] for k in each], "wavelength_nm": 460.0 + 160 * (each % 2)}
+    shown = data_figure(dataclasses.replace(view, readings=dataclasses.replace(view.readings, **made)))
+    shown.draw_without_rendering()
+    ends = [axis._left_title.get_window_extent().intervalx for axis in shown.axes[:5]]
+    assert all(a[1] < b[0] for a, b in pairwise(ends))
 
 
 def test_what_could_not_have_been_seen_is_listed_on_the_page_and_in_the_terminal(page):
