@@ -15,8 +15,6 @@ from lightfield.fitting.effects.effect import Effect, Form, Free
 _LARGE, _TYPICAL = 2.5, 0.02
 #: Of which a lamp table is made.
 BEAM_PROFILE = "beam_profile"
-#: Which a search asks about together with scattering.
-SCATTERING_SPECTRUM = "scattering_spectrum"
 
 
 def _forms(
@@ -93,7 +91,7 @@ EFFECTS = (
         contains=("cdom", "chlorophyll", "sediment", "wavelength_shift"),
     ),
     Effect(
-        SCATTERING_SPECTRUM,
+        "scattering_spectrum",
         "diffuse light",
         # Of the logarithm of scattering: a factor of 1.2, and one of 30.
         _forms("water.scattering_departure", (2, 4, 8), large=3.5, typical=0.2),

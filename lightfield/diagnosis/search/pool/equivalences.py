@@ -6,7 +6,7 @@ from typical sizes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,6 @@ from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
-from lightfield.fitting.effects.free_form import SCATTERING_SPECTRUM
 
 #: Turns of the receiver, in degrees, from which a fit begins. Chosen: a start alone.
 _TURNS_DEG = (6.0, 12.0)
@@ -77,7 +76,7 @@ TABLE = (Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_recei
 BESIDE = {
     "waves": "surface_reflection",
     "scattering_slope": "scattering",
-    SCATTERING_SPECTRUM: "scattering",
+    "scattering_spectrum": "scattering",
 }
 #: Such a fit begins at so many typical sizes. Chosen.
 _SIZES = (1.0, 3.0)
@@ -92,34 +91,15 @@ def try_beside(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
         shows = BESIDE.get(new.name) in {c.name for c in rest} and new.name not in have
         if not (shows and go_together(whole) and pool.affordable(whole)):
             continue
-        pool.fit(whole, _typical(node, (new,)))
-
-
-def _typical(node: FittedSet, more: Sequence[Candidate]) -> list[Begin]:
-    """Where a set lies, with other effects of their typical sizes."""
-    sizes = [
-        {
-            p.path: float(np.clip(p.start + size * typical, p.low, p.high))
-            for new in more
-            for p, typical in zip(new.amplitudes, new.typical, strict=True)
-        }
-        for size in _SIZES
-    ]
-    return [Begin(node.fit.by_path | start) for start in sizes]
-
-
-def try_colours(pool: Pool, node: FittedSet) -> None:
-    """Fit a set with scattering and its colour together, where it has neither.
-
-    The colour shows beside scattering, and that without it may do no better than what absorbs.
-    """
-    have = {c.name for c in node.explanation}
-    spectral = [c for c in pool.problem.candidates if c.name in BESIDE and "two_colours" in c.effect.needs]
-    for colour in spectral:
-        for host in (c for c in pool.problem.candidates if c.name == BESIDE[colour.name]):
-            whole = (*node.explanation, host, colour)
-            if have.isdisjoint((host.name, colour.name)) and go_together(whole) and pool.affordable(whole):
-                pool.fit(whole, _typical(node, (host, colour)))
+        known = node.fit.by_path
+        sizes = [
+            {
+                p.path: float(np.clip(p.start + size * typical, p.low, p.high))
+                for p, typical in zip(new.amplitudes, new.typical, strict=True)
+            }
+            for size in _SIZES
+        ]
+        pool.fit(whole, [Begin(known | start) for start in sizes])
 
 
 def try_declared(pool: Pool, node: FittedSet, candidate: Candidate) -> None:

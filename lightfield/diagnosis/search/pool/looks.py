@@ -14,22 +14,16 @@ from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
-from lightfield.diagnosis.search.pool.equivalences import try_colours
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.set_of_effects import FittedSet
-from lightfield.fitting.effects.free_form import SCATTERING_SPECTRUM
 
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
 #: Chosen; with half and twice of the first two ten campaigns have the same verdicts.
 _BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
 #: Fits of a linear elimination before giving up. Chosen: time alone; half and twice alike in ten campaigns.
 _MORE = 6
-#: Scattering in its colours is taken for what was missing where it leaves less than this of chi-square.
-#: Measured: where it was hidden, it left a twentieth, and the first look took a tenth of its time; where it
-#: took a little of it the detour cost half as much again.
-_LEFT = 0.2
 
 
 def direct(candidate: Candidate) -> bool:
@@ -48,8 +42,6 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
     polish(pool, direct)
-    if scatters_in_colours(pool):
-        return pool.best()
     with_curve_of_lamp(pool)
     best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)
@@ -72,21 +64,6 @@ def with_curve_of_lamp(pool: Pool) -> FittedSet:
         polish(pool, lambda candidate: not candidate.effect.diffuse)
         polish(pool, everything)
     return pool.best()
-
-
-def scatters_in_colours(pool: Pool) -> bool:
-    """Is scattering by a spectrum of its own by far the best beside direct light, and what it grows to?
-
-    Named effects that absorb by the wavelength may stand for it in part, in hundreds of sets.
-    """
-    before, known = pool.best(), set(pool.nodes)
-    try_colours(pool, before)
-    now = pool.best()
-    if SCATTERING_SPECTRUM not in now.names or now.fit.chi2 > _LEFT * before.fit.chi2:
-        for key in pool.nodes.keys() - known:  # else all that follows is looked for beside it
-            del pool.nodes[key]
-        return False
-    return SCATTERING_SPECTRUM in polish(pool, everything).names
 
 
 def _curves(pool: Pool) -> None:

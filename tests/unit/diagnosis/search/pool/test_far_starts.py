@@ -15,7 +15,7 @@ from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.pool import looks
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
-from lightfield.diagnosis.search.pool.equivalences import try_beside, try_colours
+from lightfield.diagnosis.search.pool.equivalences import try_beside
 from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -59,7 +59,10 @@ def test_a_lamps_curve_is_fitted_from_the_forms_that_stand_for_it() -> None:
     problem = problem.with_curves()
     by = {(c.name, c.form.name): c for c in problem.candidates}
     shape, skirt = by["beam_shape", "super-Gaussian"], by["beam_skirt", "second Gaussian"]
-    whiten = lambda a: a / (readings.stderr if a.ndim == 1 else readings.stderr[:, None])  # noqa: E731
+
+    def whiten(a: np.ndarray) -> np.ndarray:
+        return a / (readings.stderr if a.ndim == 1 else readings.stderr[:, None])
+
     test = SimpleNamespace(problem=problem, whiten=whiten)
     pool = Pool(SimpleNamespace(problem=problem, test=test, phi=1.0, price=lambda c: 10.0))
     plain = pool.finished(pool.fit((), [Begin({})]))
@@ -138,24 +141,3 @@ def test_waves_are_tried_beside_a_surface_and_nowhere_else() -> None:
     assert not any("waves" in node.names for node in pool.nodes.values())
     try_beside(pool, both, by["odd"])
     assert frozenset({by["surface_reflection"].key, by["waves"].key}) in pool.nodes
-
-
-def test_scattering_and_its_colour_are_tried_together_where_neither_is() -> None:
-    """What absorbs by the wavelength had stood for both in hundreds of sets."""
-    lay = layout()
-    columns = more_waves(lay)
-    names = ["scattering", "scattering_spectrum", "odd"]
-    every = {name: columns[key] for name, key in zip(names, ("fan", "late", "odd"), strict=True)}
-    plain = [candidate(name) for name in every]
-    of_colours = [replace(c, effect=replace(c.effect, needs=("two_colours",))) for c in plain]
-    for known, wanted in ((of_colours, True), (plain, False)):
-        made = Toy.of(known, every, lay)
-        problem = made.drawn(np.random.default_rng(0), odd=20.0, scattering=5.0)
-        by = {c.name: c for c in problem.candidates}
-        pool = pool_of(made, problem)
-        odd = pool.fit((by["odd"],), [Begin({})])
-        try_colours(pool, odd)
-        assert (frozenset(c.key for c in known) in pool.nodes) == wanted
-        before = set(pool.nodes)
-        try_colours(pool, pool.fit((by["scattering"],), [Begin({})]))
-        assert set(pool.nodes) - before == {frozenset({by["scattering"].key})}
