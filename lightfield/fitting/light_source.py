@@ -22,6 +22,7 @@ from lightfield.scene.acts import AFTERWARDS, DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on, paths_on
 from lightfield.scene.bands import read_nm
 from lightfield.scene.lamp.profile import table_of
+from lightfield.scene.listed import OWN
 from lightfield.scene.own.own_effect import OwnEffect
 from lightfield.scene.water.coefficients import absorption_per_m
 
@@ -30,6 +31,8 @@ _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120
 #: And so much with its slopes, which take three times as long. Chosen: memory alone.
 _FEW = 8
+#: Groups of parameters of which is remembered which of them make light. Chosen: memory alone.
+_PATHS = 1024
 #: The lamp is moved so far aside for a slope, m. Chosen: next to nothing beside a cell.
 _ASIDE_M = 1e-3
 #: A lamp's table does not know its light where it may be off by more than this part (chosen: a fifth, far
@@ -126,11 +129,11 @@ class LightSource:
 
     def light(self, values: Mapping[str, float]) -> Array:
         """Light for unit on-axis intensity, shape (n,); parameters that act on it afterwards do not count."""
-        return self._remembered(tuple([(path, values[path]) for path in _optical_of(tuple(values))]))
+        return self._remembered(tuple([(path, values[path]) for path in self._optical_paths(tuple(values))]))
 
     def rest(self, values: Mapping[str, float]) -> Array:
         """Scattered and reflected light for unit on-axis intensity, shape (n,)."""
-        scene = self.scenes.with_values(_optical(values))
+        scene = self.scenes.with_values(self._optical(values))
         if not self.diffuse.is_in(scene):
             return np.zeros(len(self.diffuse.channels[1]))
         return np.asarray(self.light(values) - self.direct(scene, self.readings) * self.correction)
@@ -153,7 +156,7 @@ class LightSource:
         It moves aside with the lamp, as in `DiffuseResponse`, and falls with the square of the distance and
         by absorption.
         """
-        optical = _optical_of(tuple(values))
+        optical = self._optical_paths(tuple(values))
         return np.asarray(
             self._about(tuple((p, values[p]) for p in optical if p != LAG))[1:] * self.correction
         )
@@ -169,7 +172,7 @@ class LightSource:
         smooth : array, shape (n,)
             Size of an error that varies little between neighbours.
         """
-        modes, smooth = self.diffuse.errors(self.scenes.with_values(_optical(values)))
+        modes, smooth = self.diffuse.errors(self.scenes.with_values(self._optical(values)))
         factor = np.broadcast_to(self.correction, smooth.shape)
         modes, smooth = modes * factor[:, None], smooth * factor
         if np.any(self.stderr):
@@ -182,7 +185,7 @@ class LightSource:
         Independent contributions: covariance = modes @ modes.T; k = 0 where there are none. What they make
         of scattered and reflected light, which comes from all angles at once, is less, and left out.
         """
-        scene, r = self.scenes.with_values(_optical(values)), self.readings
+        scene, r = self.scenes.with_values(self._optical(values)), self.readings
         stated = table_of(scene.lamp)
         if stated is None:
             return np.zeros((len(r.x_m), 0))
@@ -196,6 +199,25 @@ class LightSource:
     def factor_to_traced(self, values: Mapping[str, float]) -> float:
         """How much more dense water would have to scatter, see `DiffuseLight.factor_to_traced`."""
         return self.diffuse.factor_to_traced(self.scenes.at(values, validate=False))
+
+    def _optical(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The values that make the light field, without those that act on the readings afterwards."""
+        return {path: values[path] for path in self._optical_paths(tuple(values))}
+
+    @cached_property
+    def _optical_paths(self) -> Callable[[tuple[str, ...]], tuple[str, ...]]:
+        """Those of some paths that make the light field, in one order."""
+        effects = self.scenes.scene.effect
+
+        def acts_afterwards(path: str) -> bool:
+            if is_gain(path) or field_of(path) in _AFTERWARDS:
+                return True
+            return path.startswith(OWN) and not acts_on(path, effects) & ~AFTERWARDS
+
+        def of(paths: tuple[str, ...]) -> tuple[str, ...]:
+            return tuple(sorted(path for path in paths if not acts_afterwards(path)))
+
+        return lru_cache(_PATHS)(of)
 
     @cached_property
     def _remembered(self) -> Callable[[tuple[tuple[str, float], ...]], Array]:
@@ -236,17 +258,6 @@ class LightSource:
         water = absorption_per_m(scene.water, self.diffuse.wavelengths_nm)[self.diffuse.channels[1]]
         falling = 2 / np.maximum(np.abs(self.readings.z_m), _ASIDE_M) + water
         return np.stack([rest, *sides, -falling * rest])
-
-
-def _optical(values: Mapping[str, float]) -> dict[str, float]:
-    """The values that make the light field, without those that act on the readings afterwards."""
-    return {path: values[path] for path in _optical_of(tuple(values))}
-
-
-@lru_cache(maxsize=1024)
-def _optical_of(paths: tuple[str, ...]) -> tuple[str, ...]:
-    """Those of some paths that make the light field, in one order."""
-    return tuple(sorted(p for p in paths if not is_gain(p) and field_of(p) not in _AFTERWARDS))
 
 
 def _diffuse(values: Mapping[str, float]) -> dict[str, float]:

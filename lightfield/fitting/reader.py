@@ -17,6 +17,8 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
+from lightfield.scene.listed import OWN
+from lightfield.scene.own.own_effect import OwnEffect, Places, Stage
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
 READOUT = paths_on(Acts.READOUT)
@@ -48,9 +50,8 @@ class Reader:
         """Readings from light for unit on-axis intensity: gain, lamp power, then what the instrument does."""
         signal = self.gains.of(values) * field * self.power(values) * self._own(values)
         reading = readout(self._scene(values), signal, self.full, self._taken)
-        if not self.scenes.scene.effect:
-            return reading
-        return own_formulas.shown(self.scenes.of_those(values, _POSE), reading, self.full, *self._where)
+        own = self._acting(values, "readout")
+        return own_formulas.read_through(own, reading, self.full, self._here(values)) if own else reading
 
     def per_light(self, values: Mapping[str, float]) -> Array:
         """Reading per unit of light, before saturation, shape (n,)."""
@@ -71,14 +72,24 @@ class Reader:
 
     def _own(self, values: Mapping[str, float]) -> Array | float:
         """What the user's own effects at source and receiver make of all light, shape (n,)."""
-        if not self.scenes.scene.effect:
-            return 1.0
-        return own_formulas.factor(self.scenes.of_those(values, _POSE), ("source", "receiver"), *self._where)
+        own = self._acting(values, "source", "receiver")
+        return own_formulas.product(own, self._here(values)) if own else 1.0
 
-    @property
-    def _where(self) -> tuple[Array, ...]:
+    def _acting(self, values: Mapping[str, float], *stages: Stage) -> list[OwnEffect]:
+        """The user's own effects at some stages."""
+        if not self.scenes.scene.effect:
+            return []
+        return own_formulas.acting(self.scenes.of_those(values, frozenset()), *stages)
+
+    def _here(self, values: Mapping[str, float]) -> Places:
+        """What formulas may speak of."""
+        return self._places(tuple([one for one in chosen(values, _POSE) if not one[0].startswith(OWN)]))
+
+    @cached_property
+    def _places(self) -> Callable[[Chosen], Places]:
         r = self.readings
-        return r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.time_s
+        where = r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.time_s
+        return lru_cache(REMEMBERED)(lambda those: own_formulas.places(self.scenes.of_chosen(those), *where))
 
     @cached_property
     def _power(self) -> Callable[[Chosen], Array]:

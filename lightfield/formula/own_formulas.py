@@ -6,6 +6,7 @@ light has too. What acts on the path, at the receiver or in time multiplies ligh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,19 +69,21 @@ def _known(value: ArrayLike | None, otherwise: float, shape: tuple[int, ...]) ->
     return np.broadcast_to(np.where(np.isnan(given), otherwise, given), shape)
 
 
-def factor(scene: Scene, stages: tuple[Stage, ...], *where: Any) -> Array | float:
-    """Product of what own effects at some stages make of light; `where` as `places` takes it.
+def acting(scene: Scene, *stages: Stage) -> list[OwnEffect]:
+    """Own effects that act at some stages; those on the beam's shape do not count, see `lit`."""
+    return [e for e in scene.effect if e.stage in stages and not (e.is_of_angle or e.is_off)]
 
-    Effects on the beam's shape do not count, see `lit`.
-    """
-    acting = [e for e in scene.effect if e.stage in stages and not (e.is_of_angle or e.is_off)]
-    if not acting:
-        return 1.0
-    here = places(scene, *where)
-    product = np.ones(here.x.shape)
-    for effect in acting:
-        product = product * effect.at(here)
-    return product
+
+def product(effects: Sequence[OwnEffect], here: Places) -> Array:
+    """What effects make of light together, shape (n,)."""
+    factors = [effect.at(here) for effect in effects]
+    return np.asarray(np.prod(factors, axis=0) if len(factors) > 1 else factors[0])
+
+
+def factor(scene: Scene, stages: tuple[Stage, ...], *where: Any) -> Array | float:
+    """Product of what own effects at some stages make of light; `where` as `places` takes it."""
+    effects = acting(scene, *stages)
+    return product(effects, places(scene, *where)) if effects else 1.0
 
 
 def on_path(scene: Scene) -> tuple[OwnEffect, ...]:
@@ -99,14 +102,19 @@ def has_colours_of_its_own(scene: Scene) -> bool:
 
 
 def shown(scene: Scene, reading: Array, full: float, *where: Any) -> Array:
-    """Readings after own effects of the readout, in the order of the scene; `where` as `places` takes it.
+    """Readings after own effects of the readout, see `read_through`; `where` as `places` takes it."""
+    effects = acting(scene, "readout")
+    return read_through(effects, reading, full, places(scene, *where)) if effects else reading
+
+
+def read_through(effects: Sequence[OwnEffect], reading: Array, full: float, here: Places) -> Array:
+    """Readings after some effects of the readout, in this order.
 
     Parameters
     ----------
     full : float
         Largest reading.
     """
-    for effect in scene.effect:
-        if effect.stage == "readout" and not effect.is_off:
-            reading = full * effect.at(places(scene, *where), reading / full)
+    for effect in effects:
+        reading = full * effect.at(here, reading / full)
     return reading

@@ -25,6 +25,10 @@ AnyPart = TypeVar("AnyPart", bound=BaseModel)
 _Inside = tuple[str, tuple[tuple[str, str], ...]]
 
 
+#: A part that is being made is not frozen yet.
+_put = object.__setattr__
+
+
 class Part(BaseModel):
     """Immutable piece of a scene: unknown keys are errors, numbers are finite, text is never a number."""
 
@@ -54,10 +58,11 @@ class Part(BaseModel):
 
     def __copy__(self) -> Self:
         """As pydantic's own, of what a part has: fields and nothing else. A fit makes some 100,000 copies."""
-        state = {**self.__getstate__(), "__dict__": self.__dict__.copy()}
-        state["__pydantic_fields_set__"] = self.__pydantic_fields_set__.copy()
         made = type(self).__new__(type(self))
-        made.__setstate__(state)
+        _put(made, "__dict__", self.__dict__.copy())
+        _put(made, "__pydantic_fields_set__", self.__pydantic_fields_set__.copy())
+        _put(made, "__pydantic_extra__", None)
+        _put(made, "__pydantic_private__", None)
         return made
 
 

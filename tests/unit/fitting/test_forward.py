@@ -13,6 +13,7 @@ import pytest
 from perturbed import changed
 
 from lightfield.fitting.forward import SceneForward
+from lightfield.formula.closed_form import predict
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -203,3 +204,38 @@ def test_elsewhere_a_reading_has_the_gain_of_its_colour() -> None:
     z = np.array([4.0, 6.0])
     there = whole.at(x_m=0 * z, y_m=0 * z, z_m=z, medium=np.array(["water", "water"]), time_s=0 * z)
     assert there.predict(gains) == pytest.approx(3 * np.exp(-0.1 * z) / z**2, rel=1e-12)
+
+
+#: An effect of the user's own at every stage: what each of them changes is kept for another time.
+AT_EVERY_STAGE = {
+    "angle": ("source", "1 + a*theta/10", {}),
+    "power": ("source", "1 + a*time/600", {}),
+    "path": ("path", "1 - a*exp(-((x - x0)/0.2)**2)", {"x0": {"range": [-0.5, 0.5]}}),
+    "receiver": ("receiver", "1 + a*theta/20", {}),
+    "readout": ("readout", "signal + a*signal**2*cos(theta)", {}),
+}
+
+
+def test_one_model_follows_effects_of_the_user_at_every_stage() -> None:
+    """Asked again and again, where the lamp moves too: as of a scene that is new each time."""
+    effects = [
+        {"name": name, "stage": stage, "formula": formula,
+         "parameters": {"a": {"range": [-0.5, 0.5], "neutral": 0.0}} | more}
+        for name, (stage, formula, more) in AT_EVERY_STAGE.items()
+    ]  # fmt: skip
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 6.0}, "effect": effects})
+    there = Readings.from_arrays(
+        x_m=np.tile(np.linspace(-0.6, 0.6, 7), 2), z_m=np.repeat([4.5, 7.0], 7), value=np.ones(14),
+        time_s=60.0 * np.arange(14), quantity="irradiance",
+    )  # fmt: skip
+    forward, rng = SceneForward(scene, there, full=1.0), np.random.default_rng(0)
+    free = {f"effect.{name}.a": 0.3 for name in AT_EVERY_STAGE} | {
+        "effect.path.x0": 0.2,
+        "lamp.offset_x_m": 0.1,
+    }
+    values = dict.fromkeys(free, 0.0)
+    for path in rng.permutation(np.repeat(list(free), 3)):
+        values[path] = float(rng.uniform(0, free[path]))
+        before, found = forward.predict({**values, path: 0.0}), forward.predict(values)
+        assert found == pytest.approx(predict(scene.with_values(values), there, full=1.0), rel=1e-12)
+        assert path == "effect.path.x0" or np.abs(found / before - 1).max() > 1e-4
