@@ -93,6 +93,11 @@ class DetectorArray(Part):
                 )  # fmt: skip
             if not (nx**2 + ny**2 + nz**2 > 0).all():
                 raise RuleError("no normal of length zero", "say where every element faces", found=self.table)
+            if not (nz < 0).any():
+                raise RuleError(
+                    "some element faces forward: nz < 0", "turn the normals outward, forward is -z",
+                    found={f"smallest nz in {self.table}": float(nz.min())},
+                )  # fmt: skip
         if self.layout == "hemisphere" and not self.radius_m:
             raise RuleError("a hemisphere needs a radius", "give radius_m")
         if self.count[0] * self.count[1] > MOST_ELEMENTS:

@@ -91,6 +91,16 @@ def test_a_table_in_millimetres_is_refused(tmp_path: Path) -> None:
         Scene.from_dict({"array": {"layout": "table", "table": "elements.csv"}}, folder=tmp_path)
 
 
+def test_an_array_that_looks_away_from_the_lamp_is_refused(tmp_path: Path) -> None:
+    """Its readings were called far brighter than the array's could be anywhere."""
+    array = {"array": {"layout": "table", "table": "elements.csv"}}
+    (tmp_path / "elements.csv").write_text("x_m,y_m,z_m,nx,ny,nz\n0.1,0,0,0,0,1\n-0.1,0,0,1,0,0\n")
+    with pytest.raises(SceneError, match=r"faces forward: nz < 0"):
+        Scene.from_dict(array, folder=tmp_path)
+    (tmp_path / "elements.csv").write_text("x_m,y_m,z_m,nx,ny,nz\n0.1,0,0,0,0,1\n-0.1,0,0,1,0,-0.1\n")
+    assert Scene.from_dict(array, folder=tmp_path).array is not None
+
+
 def test_a_follower_stays_in_the_tank_and_a_missing_one_is_named() -> None:
     with pytest.raises(SceneError, match="follower = "):
         Scene.from_dict({"tank": {}, "follower": {"x_m": 3.0}})

@@ -14,6 +14,10 @@ from lightfield.scene.lamp.lamp import Lamp
 # What is wrong, the scene text, and words that the message has to contain.
 WRONG = {
     "unknown key": ("[lamp]\nhwhm_degrees = 3", ["lamp.hwhm_degrees", "unknown key", "found 3", "hwhm_deg"]),
+    "the last word alone": (
+        '[lamp]\ntable = "lamp.csv"',
+        ["lamp.table", "did you mean lamp.intensity_table or lamp.spectrum_table"],
+    ),
     "missing unit": ("[lamp]\nhwhm = 3", ["lamp.hwhm", "did you mean lamp.hwhm_deg?"]),
     "albedo of the floor": (
         "[tank]\nfloor_albedo = 0.5",
