@@ -52,8 +52,8 @@ RHO_GRID = np.linspace(-0.5, 0.95, 30)
 SAME_RHO = 1e-3
 #: A correlation needs so many pairs of neighbours in the scan. Chosen: its error is then 0.2.
 _FEWEST_PAIRS = 20
-#: Quantiles of a posterior in the middle of its fifths. Chosen.
-_FIFTHS = (0.1, 0.3, 0.5, 0.7, 0.9)
+#: A posterior is known by so many quantiles, each in the middle of an equal part of it. Chosen.
+_QUANTILES = 5
 #: Another law of the errors: dark floors tried and the largest that needs no statement, over the largest
 #: reading. Chosen: the latter is twice `quoted.ASSUMED_FLOOR`.
 _FLOORS, _DARK = np.logspace(-5, 0, 11), 2e-3
@@ -207,8 +207,8 @@ def serial_correlation(
         white = np.vstack([rows[:1], (rows[1:] - lag * rows[:-1]) / root])
         evidence.append(log_evidence(white, stated) - float(np.log(root).sum()))
     weight = np.exp(np.array(evidence) - max(evidence))
-    share = np.cumsum(weight) / weight.sum()
-    levels = tuple(max(float(RHO_GRID[int(np.searchsorted(share, p))]), 0.0) for p in _FIFTHS)
+    share, parts = np.cumsum(weight) / weight.sum(), (np.arange(_QUANTILES) + 0.5) / _QUANTILES
+    levels = tuple(max(float(RHO_GRID[int(np.searchsorted(share, p))]), 0.0) for p in parts)
     rho = float(weight @ RHO_GRID / weight.sum())
     return Serial(rho if rho > SAME_RHO else 0.0, levels)
 
