@@ -140,7 +140,7 @@ class Knowledge:
         asked, now = self.inquiry, (self.data, self.prepared, self.finding)
         return self.now(*beyond_two(*now, asked.alpha, asked.seed, asked.progress, ends))
 
-    def settled(self) -> Knowledge:
+    def in_traced_light(self) -> Knowledge:
         """What was found, in light traced for it."""
         asked, now = self.inquiry, (self.data, self.prepared, self.finding)
         return self.now(*settled(*now, self.rng, asked.alpha, asked.progress, asked.seed))
@@ -209,7 +209,7 @@ def _explained(known: Knowledge) -> Knowledge:
 def _settled_early(known: Knowledge) -> Knowledge | None:
     """One or two effects that nearly explain the readings, and do once settled; None if there are none."""
     if known.inquiry.is_settled_after and is_nearly_explained(known.prepared, known.finding):
-        early = known.settled()
+        early = known.in_traced_light()
         if early.finding.accepted:
             return replace(early.in_its_light(), is_settled=True)
     return None
@@ -322,13 +322,13 @@ def _unless_overtaken(known: Knowledge) -> Knowledge:
 
 def _settled_after(found: Knowledge) -> Knowledge:
     """What was found, settled; more effects where better light takes one or two back."""
-    known = found.settled()
+    known = found.in_traced_light()
     if (node := known.finding.cheaper) is not None:  # the search goes on from there, in light traced there
         there = replace(found.prepared, explanation=node.explanation, reference=node.fit)
         more = replace(found, prepared=there).with_more_effects()
-        known = more.settled() if more.finding.accepted else known
+        known = more.in_traced_light() if more.finding.accepted else known
     if known.finding.size is None and not known.finding.beyond_two:
-        known = known.now(found.prepared, known.finding).with_more_effects().settled()
+        known = known.now(found.prepared, known.finding).with_more_effects().in_traced_light()
     finding = known.finding
     if finding.is_levelled or finding.beyond_two:
         return known

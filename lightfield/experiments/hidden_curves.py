@@ -8,6 +8,7 @@ from lightfield.arrays import Array
 from lightfield.fitting.curves import ABSORPTION, BACKGROUND, COLOUR, HALO, PLANES, POWER, SPECTRUM, field_of
 from lightfield.fitting.effects import Effect
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.scene.curve import Nodes
 
 #: Nodes of a hidden curve that bends, and half waves that it is made of: what a lamp, a filter or a layer
@@ -39,7 +40,7 @@ def draw_curve(field: str, size: float, readings: Readings, rng: np.random.Gener
     """
     at = np.asarray(getattr(readings, _COORDINATE[field]), float)
     if field == PLANES:
-        place = np.unique(np.round(at, 3))
+        place = np.unique(np.round(at, LINE_DECIMALS))
         value: Array = rng.standard_normal(len(place))
     else:
         place = np.linspace(at.min(), at.max(), _NODES)

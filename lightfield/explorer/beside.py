@@ -170,10 +170,10 @@ async def in_process(work: Callable[..., Made], tell: Tell) -> Made:
             if kind == "done":
                 return what
             if kind == "error":
-                raise LightfieldError(what)
+                raise what
             tell(*what)
     except (EOFError, OSError) as error:
-        raise LightfieldError("its process ended unexpectedly", remedy="see the terminal") from error
+        raise LightfieldError("its process ended unexpectedly", remedy="what it printed says why") from error
     finally:
         loop.remove_reader(process.pipe.fileno())
         process.end()
@@ -199,7 +199,7 @@ def elsewhere(tell: Tell) -> Elsewhere:
 
 
 def _run(pipe: Connection, work: Callable[[Tell], object]) -> None:
-    """In the process: the stages as text, then what was found or the error."""
+    """In the process: the stages as text, then what was found, or the error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the server's, which ends this process
 
     def tell(stage: str, part: float | None = None) -> None:
@@ -208,6 +208,6 @@ def _run(pipe: Connection, work: Callable[[Tell], object]) -> None:
     try:
         found = work(tell)
     except LightfieldError as error:
-        pipe.send(("error", str(error)))
+        pipe.send(("error", error))
     else:
         pipe.send(("done", found))

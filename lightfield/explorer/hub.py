@@ -27,7 +27,7 @@ _SENT_EVERY = 4
 #: Seconds of rest after which the errors of the shown map are worked out: they take half a second.
 _REST_S = 0.5
 _LIGHT = "light on the planes"
-_DEFECT = "a defect of the program: see the terminal"
+_DEFECT = "a defect of the program: what it printed says more"
 
 
 class Browser(Protocol):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.scene import Scene
 from lightfield.scene.in_tank import cells_inside
 
@@ -50,7 +51,7 @@ class MapPlaces:
             z = np.array(scene.detector.positions_m, float)[:, 2]
         else:
             z = np.array(scene.detector.planes_m, float)
-        z = _apart(np.unique(np.round(z, 3)))
+        z = _apart(np.unique(np.round(z, LINE_DECIMALS)))
         z = spread(z, MOST_PLANES)
         width, height = scene.plane_size_m
         middles = (np.arange(SIDE) + 0.5) / SIDE - 0.5

@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS, WAVELENGTH_DECIMALS
 from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import angle_from_axis
 
 #: The half width that every fit of a Gaussian beam frees.
 WIDTH = "lamp.hwhm_deg"
+#: A reading is of the brighter half of its plane above this part of its largest. Chosen: what noise leaves of
+#: the half.
+_BRIGHT = 0.4
+#: Ends of what a rough half width may be, deg. Chosen: a laser's, and no beam at all.
+_ROUGHLY_DEG = (0.5, 60.0)
 
 
 def beam_width_deg(scene: Scene, readings: Readings) -> float:
@@ -19,14 +26,15 @@ def beam_width_deg(scene: Scene, readings: Readings) -> float:
     """
     x, y, z = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m"))
     value = np.asarray(readings.value, float)
-    theta2 = np.arctan2(np.hypot(x, y), z) ** 2
+    theta2 = angle_from_axis(x, y, z) ** 2
     wavelength = np.nan_to_num(np.asarray(readings.wavelength_nm, float))
-    kinds = np.stack([np.round(z, 3), np.asarray(readings.medium) == "air", np.round(wavelength, 3)], axis=1)
+    plane, colour = np.round(z, LINE_DECIMALS), np.round(wavelength, WAVELENGTH_DECIMALS)
+    kinds = np.stack([plane, np.asarray(readings.medium) == "air", colour], axis=1)
     _, group = np.unique(kinds, axis=0, return_inverse=True)
     group = group.ravel()
     top = np.full(int(group.max()) + 1, -np.inf)
     np.maximum.at(top, group, value)
-    lit = (value > 0.4 * top[group]) & (value > 0)
+    lit = (value > _BRIGHT * top[group]) & (value > 0)
     left, right = 0.0, 0.0
     for k in np.unique(group[lit]):
         mine = lit & (group == k)
@@ -35,4 +43,4 @@ def beam_width_deg(scene: Scene, readings: Readings) -> float:
         right -= float(t @ np.log(value[mine] * (x[mine] ** 2 + y[mine] ** 2 + z[mine] ** 2)))
     if left <= 0 or right <= 0:
         return float(scene.lamp.hwhm_deg)
-    return float(np.clip(np.degrees(np.sqrt(np.log(2) * left / right)), 0.5, 60.0))
+    return float(np.clip(np.degrees(np.sqrt(np.log(2) * left / right)), *_ROUGHLY_DEG))

@@ -32,6 +32,7 @@ from lightfield.arrays import Array
 from lightfield.fitting.smooth_functions import LARGEST, NODES, Basis, Family, basis_of, bent
 from lightfield.formula.path import rays
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.scene import Scene
 from lightfield.scene.curve import Nodes, integral_to, sum_of, value_at
 from lightfield.scene.lamp.frame import beam_angles
@@ -55,8 +56,6 @@ MOST = {PROFILE: 19, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, P
 #: Readings that a plane has, in the mean, where its gain is asked for: fewer are all that a gain
 #: is made of. Chosen.
 _EACH = 3
-#: Decimals in metres to which distances are one plane. Chosen, as `layout.LINE_DECIMALS`.
-_PLANE_DECIMALS = 3
 #: Angles are tabulated up to so many times the largest read: tilt and offset move the axis. Chosen.
 BEYOND = 1.3
 #: Unknown errors are 1 % of the reading and 0.1 % of the brightest, as a diagnosis assumes. Readings are
@@ -184,7 +183,7 @@ class Curves:
         found = self._basis(PROFILE, family, theta, value_at)
         # What could contradict it is not other angles alone, but the other places at each.
         where = np.stack([np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)])[:, self.weight > 0]
-        places = len(np.unique(np.round(where, _PLANE_DECIMALS), axis=1).T)
+        places = len(np.unique(np.round(where, LINE_DECIMALS), axis=1).T)
         return found and replace(found, told=max(found.told, places - known))
 
     def _absorption(self) -> Basis | None:
@@ -274,7 +273,7 @@ class Curves:
 
     def _planes(self) -> Basis | None:
         z = np.asarray(self.readings.z_m, float)
-        place = np.unique(np.round(z, _PLANE_DECIMALS))
+        place = np.unique(np.round(z, LINE_DECIMALS))
         used = int((self.weight > 0).sum())
         if not 2 < len(place) <= MOST[PLANES] + 2 or used < _EACH * len(place):
             return None

@@ -15,6 +15,7 @@ from lightfield.fitting.beam_width import beam_width_deg
 from lightfield.formula.own_formulas import lit
 from lightfield.memory import Latest
 from lightfield.readings import Readings
+from lightfield.readings.columns import WAVELENGTH_DECIMALS
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M, dense_water, trace_for
 from lightfield.render.diffuse.followed import field_at
 from lightfield.scene import Scene
@@ -158,7 +159,7 @@ class DiffuseLight:
     def channels(self) -> tuple[Array, NDArray[np.int_]]:
         """Wavelengths in nm, each once, NaN for the band; index of each reading's among them, shape (n,)."""
         wavelength = np.asarray(self.readings.wavelength_nm, float)
-        return np.unique(np.round(wavelength, 3), return_inverse=True)
+        return np.unique(np.round(wavelength, WAVELENGTH_DECIMALS), return_inverse=True)
 
     @property
     def wavelengths_nm(self) -> Array:

@@ -153,7 +153,7 @@ def least_attenuation_per_m(
     bends = (*slab_m(water), *(at for at, _ in water.absorption_departure))
     # What is added is straight between these, and a slab only adds.
     along = layers_absorption_per_m(water, np.array([0.0, *(at for at in bends if 0 < at < far), far]))
-    there = layers_absorption_per_m(water, z) + water.height_gradient_per_m2 * np.asarray(y_m)
+    there = layers_absorption_per_m(water, z, y_m)
     least = float(np.min(attenuation_per_m(water, wavelength_nm)))
     grown = float(np.min(growth_per_m(water, time_s), initial=0.0)) if ages(water) else 0.0
     return least + grown + float(np.min(there, initial=float(along.min())))

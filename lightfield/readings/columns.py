@@ -31,6 +31,9 @@ COLUMNS = (
     "visit",
     "saturated",
 )
+#: Decimals in metres to which places are one place, and to which distances or lines are one; of wavelengths
+#: in nm: finer than a stage or a spectrometer is set, coarser than the rounding of a table.
+PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
 #: Places across the beam; a table without them is of the axis.
 ACROSS = ("x_m", "y_m")
 NUMBER_COLUMNS = tuple(name for name in COLUMNS if name not in TEXT_COLUMNS)

@@ -54,7 +54,7 @@ class Problems:
         """
         lines = () if place is None else (place,)
         one = Complaint(what, found, rule, remedy, lines=lines, noun=self.noun)
-        if not (self.found and lines and str(self.found[-1]) == str(one)):  # a line read once for every band
+        if not (self.found and lines and self.found[-1] == one):  # a line read once for every band
             self.found.append(one)
         if column is not None:
             self.unread.add((column, None if whole else place))

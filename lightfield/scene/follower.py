@@ -95,7 +95,7 @@ class DetectorArray(Part):
                 raise RuleError("no normal of length zero", "say where every element faces", found=self.table)
             if not (nz < 0).any():
                 raise RuleError(
-                    "some element faces forward: nz < 0", "turn the normals outward, forward is -z",
+                    "some element faces forward: nz < 0", "turn the normals outward, away from the follower",
                     found={f"smallest nz in {self.table}": float(nz.min())},
                 )  # fmt: skip
         if self.layout == "hemisphere" and not self.radius_m:

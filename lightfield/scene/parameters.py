@@ -25,10 +25,6 @@ AnyPart = TypeVar("AnyPart", bound=BaseModel)
 _Inside = tuple[str, tuple[tuple[str, str], ...]]
 
 
-#: A part that is being made is not frozen yet.
-_put = object.__setattr__
-
-
 class Part(BaseModel):
     """Immutable piece of a scene: unknown keys are errors, numbers are finite, text is never a number."""
 
@@ -58,11 +54,11 @@ class Part(BaseModel):
 
     def __copy__(self) -> Self:
         """As pydantic's own, of what a part has: fields and nothing else. A fit makes some 100,000 copies."""
-        made = type(self).__new__(type(self))
-        _put(made, "__dict__", self.__dict__.copy())
-        _put(made, "__pydantic_fields_set__", self.__pydantic_fields_set__.copy())
-        _put(made, "__pydantic_extra__", None)
-        _put(made, "__pydantic_private__", None)
+        made, put = type(self).__new__(type(self)), object.__setattr__  # it is frozen once it is made
+        put(made, "__dict__", self.__dict__.copy())
+        put(made, "__pydantic_fields_set__", self.__pydantic_fields_set__.copy())
+        put(made, "__pydantic_extra__", None)
+        put(made, "__pydantic_private__", None)
         return made
 
 

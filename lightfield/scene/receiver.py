@@ -49,6 +49,13 @@ def tilted_axis(detector: Detector) -> tuple[float, float, float]:
     return math.sin(tilt), 0.0, -math.cos(tilt)
 
 
+def cone_sr(detector: Detector) -> float:
+    """Solid angle that a receiver of radiance sees; 1 of one of irradiance, which sees all."""
+    if detector.quantity != "radiance":
+        return 1.0
+    return 4.0 * math.pi * math.sin(0.25 * math.radians(detector.full_angle_deg)) ** 2
+
+
 def response(
     detector: Detector, direction: Sequence[Array], axis: Sequence[Array | float] | None = None
 ) -> Array:
@@ -75,9 +82,8 @@ def response(
         return np.ones_like(direction[2])
     towards = tilted_axis(detector) if axis is None else axis
     if detector.quantity == "radiance":
-        half = 0.5 * math.radians(detector.full_angle_deg)
-        inside = _angle_between(direction, towards) < half
-        return np.where(inside, 1.0 / (4.0 * math.pi * math.sin(0.5 * half) ** 2), 0.0)
+        inside = _angle_between(direction, towards) < 0.5 * math.radians(detector.full_angle_deg)
+        return np.where(inside, 1.0 / cone_sr(detector), 0.0)
     plain = axis is None and detector.tilt_x_deg == 0
     facing = direction[2] if plain else -sum(u * a for u, a in zip(direction, towards, strict=True))
     cosine = np.asarray(np.maximum(facing, 0.0))

@@ -67,13 +67,13 @@ def parse_axis(text: str, where: str = "range") -> Axis:
     """
     path, equals, given = (part.strip() for part in text.partition("="))
     if not equals or not path or not given:
-        raise UsageError("not a range", where=where, found=text, rule="PATH=RANGE", remedy=f"give {FORMS}")
+        raise UsageError("not a range", where=where, found=text, rule="path=range", remedy=f"give {FORMS}")
     if set(given) & set("[{"):
         raise UsageError(
             "lists and tables are varied in a plan file",
             where=f"{where} {path}",
             found=given,
-            rule=f"on the command line {FORMS}",
+            rule=FORMS,
             remedy="a plan file with a [[vary]] table: path, and values = [...] of these",
         )
     parts = given.split(":")
@@ -231,14 +231,14 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
         An unknown path, or a value that the parameter cannot have.
     """
     if not axes:
-        raise UsageError("nothing is varied", remedy=f"PATH=RANGE with RANGE {FORMS}, or a plan file")
+        raise UsageError("nothing is varied", remedy=f"a parameter and its range: {FORMS}; or a plan file")
     paths = [path for axis in axes for path in axis.values]
     whole = next((path for path in paths if path in Scene.model_fields), None)
     if whole is not None:
         raise UsageError(
             "not a parameter",
             found=whole,
-            rule="PATH is that of one parameter, such as lamp.hwhm_deg",
+            rule="the path of one parameter, such as lamp.hwhm_deg",
             remedy="vary what changes in it; a plan file varies several parameters together",
         )
     # Names of coordinates: of paths, and of axes that set several.

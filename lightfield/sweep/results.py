@@ -177,7 +177,7 @@ def chosen_cases(data: xr.Dataset, assignments: Sequence[str]) -> xr.Dataset:
                 "not a case",
                 where="case",
                 found=text,
-                rule="PATH=VALUE",
+                rule="path=value",
                 remedy=f"for example {names[0]}=VALUE",
             )
         if name not in data.dims:

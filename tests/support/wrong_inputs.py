@@ -314,7 +314,7 @@ WRONG: list[tuple[str, list[str]]] = [
     # sweep
     ("sweep scene.toml", ["nothing is varied", "--vary PATH=RANGE"]),
     ("sweep scene.toml --vary water.absorption_per_m=0:1:3", ["-o STORE.zarr"]),
-    (f"{SWEEP}", ["--vary", "PATH=RANGE"]),
+    (f"{SWEEP}", ["--vary", "path=range"]),
     (f"{SWEEP}=0:1:0", ["impossible count", "found 0"]),
     (f"{SWEEP}=0:1:1000000000", ["impossible count"]),
     (f"{SWEEP}=-1:1:3", ["impossible value", "found -1"]),

@@ -356,7 +356,8 @@ def loaded(name: str) -> frozenset[str]:
 
 #: Words that somebody at a command line has, and no caller from Python, nor whoever is sent a page.
 COMMAND_LINE = re.compile(
-    r"(?<![-\w(])--[a-z]|`lightfield [a-z]|lightfield explore\b|(the same|another) command"
+    r"(?<![-\w(])--[a-z]|`lightfield [a-z]|lightfield explore\b|(the same|another) command|command line"
+    r"|\bPATH=|the terminal\b"
 )
 OF_COMMANDS = ("commands", "cli.py", "__main__.py")
 
@@ -375,6 +376,17 @@ def test_the_library_names_no_options_and_no_commands() -> None:
     pages = [file for end in ("js", "html") for file in PACKAGE.rglob(f"*.{end}")]
     assert pages and found == []
     assert [page.name for page in pages if re.search(r"lightfield explore\b", page.read_text("utf-8"))] == []
+
+
+def test_no_import_hides_in_a_text() -> None:
+    """From the linter, which holds the floors, but for public names and for sub-commands."""
+    hidden = {
+        module.relative_to(PACKAGE).as_posix()
+        for module in MODULES
+        if re.search(r"import_module\(|__import__", module.read_text("utf-8"))
+        if any(text.startswith(f"{TOP}.") for node in ast.walk(tree(module)) for text in text_of(node))
+    }
+    assert hidden == {"commands/shared/line.py"}
 
 
 def texts(error: ast.AST) -> list[str]:

@@ -10,9 +10,10 @@ import numpy as np
 from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
-from lightfield.diagnosis.problem.layout import BRIGHT, LEAST_RANGE, LINE_DECIMALS, Layout
+from lightfield.diagnosis.problem.layout import BRIGHT, LEAST_RANGE, Layout
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
+from lightfield.readings.columns import LINE_DECIMALS
 
 #: Linearisations of a free factor, parts of a step that are tried, and how weak a direction of the step is
 #: left alone: a function of the angle can stand in for the beam width. Chosen.

@@ -18,9 +18,10 @@ from lightfield.decompositions import eigen
 from lightfield.diagnosis.adequacy.likelihood import log_evidence, profile
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
-from lightfield.diagnosis.problem.layout import LINE_DECIMALS, Layout
+from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA, NO_LIGHT
 from lightfield.fitting.least_squares import LOOSE, OPEN, Fit
+from lightfield.readings.columns import LINE_DECIMALS
 
 #: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil
 #: (`setup.OUTLIER_PERCENT`); more is a finding, see `slips`.

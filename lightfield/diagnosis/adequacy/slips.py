@@ -17,7 +17,8 @@ from scipy import special
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.structure import Span, Structure
-from lightfield.diagnosis.problem.layout import AIR_APART_M, LEAST_RANGE, PLACE_DECIMALS, Labels, Layout
+from lightfield.diagnosis.problem.layout import AIR_APART_M, LEAST_RANGE, Labels, Layout
+from lightfield.readings.columns import PLACE_DECIMALS
 
 #: Rows of places beside each other: numbers along them are no lengths.
 _ROWS = ("along x", "along y", "along z")

@@ -10,11 +10,12 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.problem.layout import LINE_DECIMALS, PLACE_DECIMALS, Layout
+from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.fitting.parameter import FitParameter, Forward
+from lightfield.readings.columns import LINE_DECIMALS, PLACE_DECIMALS
 from lightfield.scene.tank import OPENS_THE_TOP
 
 #: Half width at 1/e of a structure that stands in the light, in metres: a rod, a cable. Chosen.

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from lightfield.arrays import Array
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS, PLACE_DECIMALS, WAVELENGTH_DECIMALS
+from lightfield.scene.lamp.frame import angle_from_axis
 
 Labels = NDArray[np.int_]
 
@@ -18,9 +20,6 @@ Labels = NDArray[np.int_]
 ACROSS_M, ALONG_M = 0.25, 1.5
 #: A coordinate that varies by less, in metres or radians, does not vary. Chosen: rounding of a table.
 LEAST_RANGE = 1e-6
-#: Decimals in metres to which places are one place, and to which distances or lines are one; of wavelengths
-#: in nm: finer than a stage or a spectrometer is set, coarser than the rounding of a table.
-PLACE_DECIMALS, LINE_DECIMALS, WAVELENGTH_DECIMALS = 4, 3, 3
 #: Readings above this part of the largest one are bright: of all, or of those of their plane. Chosen: where
 #: an error in per cent is one of the model, and not of the dark.
 BRIGHT = 0.05
@@ -86,7 +85,7 @@ class Layout:
     @cached_property
     def angle_rad(self) -> Array:
         """Angle from the lamp's axis, shape (n,)."""
-        return np.asarray(np.arctan2(np.hypot(self.x_m, self.y_m), self.z_m))
+        return angle_from_axis(self.x_m, self.y_m, self.z_m)
 
     def alike(self, a: Labels, b: Labels) -> Array:
         """Correlation of an error that varies smoothly over places, between two sets of readings; none from

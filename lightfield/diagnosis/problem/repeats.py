@@ -9,9 +9,10 @@ from scipy import sparse
 from scipy.optimize import brentq, linprog
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, Labels, layout_of
+from lightfield.diagnosis.problem.layout import Labels, layout_of
 from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA
 from lightfield.readings import Readings
+from lightfield.readings.columns import PLACE_DECIMALS
 
 #: Visits of a place from which a gain error can be told from the readings' own. Chosen: of two there is one
 #: difference.

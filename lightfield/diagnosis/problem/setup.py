@@ -9,14 +9,7 @@ import numpy as np
 from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.problem.candidates import Setting, candidates
-from lightfield.diagnosis.problem.layout import (
-    BRIGHT,
-    LEAST_RANGE,
-    PLACE_DECIMALS,
-    WAVELENGTH_DECIMALS,
-    Layout,
-    layout_of,
-)
+from lightfield.diagnosis.problem.layout import BRIGHT, LEAST_RANGE, Layout, layout_of
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE, errors_stated
@@ -31,6 +24,7 @@ from lightfield.fitting.parameter import FitParameter
 from lightfield.fitting.reader import READOUT
 from lightfield.formula.readout import ambient
 from lightfield.readings import Readings
+from lightfield.readings.columns import PLACE_DECIMALS, WAVELENGTH_DECIMALS
 from lightfield.render.diffuse.source import cells_for, response_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts

@@ -20,6 +20,7 @@ from lightfield.diagnosis.verdict.parts import PlaceToRead
 from lightfield.fitting.curves import PLANES
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
+from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.scene import Tank
 
 #: Part of the photons that the trace at possible places is worth. Chosen: time against precision.
@@ -200,7 +201,8 @@ def _way(
     difference = (under_truth - under_rival) / error
     if any(path.startswith(PLANES) for path in (*truth.paths, *imitation.paths)):
         # A distance that was not read has a gain of its own: what is read there tells nothing of the others.
-        read = np.isin(np.round(there.readings.z_m, 3), np.round(problem.layout.z_m, 3))
+        mine, other = (np.round(z, LINE_DECIMALS) for z in (there.readings.z_m, problem.layout.z_m))
+        read = np.isin(mine, other)
         difference = np.where(read, difference, 0.0)
     way = Way(away.separation_sigma**2, difference, slopes / error[:, None], information / phi)
     return in_stays(way, *stays, under_truth / error)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
 from lightfield.diagnosis.verdict.parts import Estimate, PlaceToRead, SetAside
+from lightfield.readings.columns import PLACE_DECIMALS
 from lightfield.wording import plain
 
 #: Units of the coordinates that a misfit depends on, or that readings set aside share.

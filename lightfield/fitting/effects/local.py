@@ -14,7 +14,9 @@ import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.scene import Scene
+from lightfield.scene.lamp.frame import angle_from_axis
 from lightfield.scene.own.own_effect import OwnEffect, OwnParameter, Stage
 
 FAMILY = "local unknown"
@@ -25,9 +27,13 @@ _NARROWEST_M, _WIDEST_PART = 0.02, 0.25
 _SIZE, _TYPICAL = 0.9, 0.05
 #: Beyond a plume light is dimmed within so many metres: less than two planes are apart. Chosen.
 _EDGE_M = 0.1
+#: What their amplitudes are called, 0 where there is nothing (test_shadows.py).
+AMPLITUDES = ("depth", "size", "a", "b")
 #: What stands before the first plane shades the same rays at all of them, wherever it stands. Derived: so
 #: many edges before it a plume is whole, to a per cent.
 _BEFORE = 3.0
+#: A ripple over the angle has so many periods within the readings at most. Chosen: a scan of forty points.
+_RIPPLES = 20
 #: What takes so little of the time between two readings is sudden: shorter times are all alike. Chosen.
 _SUDDEN = 0.02
 #: A ripple in time has so many readings in a period, and so many periods, at least; and no more than these.
@@ -79,7 +85,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                 physics="The lamp's power, and all light with it, swings: a supply or a thermostat.",
                 laboratory="Watch one receiver that stands still for some minutes, or the lamp's voltage.",
             )  # fmt: skip
-    if (planes := np.unique(np.round(readings.z_m, 3))).size > 2:
+    if (planes := np.unique(np.round(readings.z_m, LINE_DECIMALS))).size > 2:
         near, far = float(planes[0]) - _BEFORE * _EDGE_M, float(planes[-2])
         x = np.asarray(readings.x_m, float)
         if (span := float(np.ptp(x))) > 2 * _NARROWEST_M / _WIDEST_PART:
@@ -99,16 +105,16 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                 physics="Something rises at one distance and dims what passes through it: the rays beyond.",
                 laboratory="Look down into the tank at that distance; read again when it is gone.",
             )
-    theta = np.degrees(np.arctan2(np.hypot(readings.x_m, readings.y_m), readings.z_m))
+    theta = np.degrees(angle_from_axis(readings.x_m, readings.y_m, readings.z_m))
     if (widest := float(theta.max())) > 0:
         yield _ripple(
-            "ripple_over_angle", "source", "theta", "deg", (widest / 20, widest),
+            "ripple_over_angle", "source", "theta", "deg", (widest / _RIPPLES, widest),
             physics="Rings of the lamp's optics: its intensity ripples over the angle from its axis.",
             laboratory="Measure the lamp in air at one range with a fine angular step.",
         )  # fmt: skip
         yield _ripple(
             "ripple_at_receiver", "receiver", "(180/pi)*atan(sqrt(x**2 + y**2)/z)", "deg",
-            (widest / 20, widest),
+            (widest / _RIPPLES, widest),
             physics="Interference in the receiver's window: what is read ripples over the angle of arrival.",
             laboratory="Turn the receiver by some degrees, read again at one place: the ripple turns too.",
         )  # fmt: skip

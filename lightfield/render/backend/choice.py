@@ -8,10 +8,9 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from lightfield.errors import BackendError, Complaint, LightfieldError
 from lightfield.render.backend import cuda, llvm
 from lightfield.storage.cache import cache_dir, with_room
 
-__all__ = ["Backend", "cache_dir", "choose", "limited_threads", "prepare", "use_backend"]
+__all__ = ["Backend", "cache_dir", "choose", "limited_threads", "prepare", "use_backend", "with_plugins"]
 
 KINDS = ("auto", "llvm", "cuda")
 KIND_VARIABLE, THREADS_VARIABLE = "LIGHTFIELD_BACKEND", "LIGHTFIELD_THREADS"
@@ -53,7 +52,13 @@ class Backend:
 
 _NO_LIBRARY = "/nonexistent/libLLVM.so"
 _refusal: LightfieldError | None = None
-_active: tuple[int, Backend] | None = None  # process id, backend: the only global state of the package
+_active: tuple[int, Backend] | None = None  # process id, backend: with the plugins all that is global
+_plugins: list[Callable[[], None]] = []
+
+
+def with_plugins(register: Callable[[], None]) -> None:
+    """Register plugins with every variant from now on: Mitsuba forgets those in Python when it changes."""
+    _plugins.append(register)
 
 
 def use_backend() -> Backend:
@@ -226,5 +231,5 @@ def _set_variant(variant: str) -> None:
     import mitsuba as mi
 
     mi.set_variant(variant)
-    # Mitsuba forgets Python plugins with every change of variant.
-    importlib.import_module("lightfield.render.plugins.registration").register()
+    for register in _plugins:
+        register()

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lightfield.arrays import evenly
+from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.report.style import (
     BAD,
     DASH,
@@ -38,7 +39,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
 
     Grey: wavelengths of what was published of this water.
     """
-    colour, distances = one.ratios.wavelength_nm, np.unique(np.round(one.path_m, 3))
+    colour, distances = one.ratios.wavelength_nm, np.unique(np.round(one.path_m, LINE_DECIMALS))
     marker = "o" if len(colour) < 30 else ""
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         value, error = one.percent()

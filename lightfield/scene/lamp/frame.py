@@ -55,6 +55,11 @@ def from_source(lamp: Lamp, x_m: Array, y_m: Array, z_m: Array) -> tuple[Array, 
     return x_m - x, y_m - y, z_m - z
 
 
+def angle_from_axis(x_m: Array, y_m: Array, z_m: Array) -> Array:
+    """Angle of points from the axis of the tank, as the middle of the window sees them, rad."""
+    return np.asarray(np.arctan2(np.hypot(x_m, y_m), z_m))
+
+
 def is_ahead(lamp: Lamp, z_m: Array) -> NDArray[np.bool_]:
     """Does straight light get there: beyond the window, and beyond a source in front of it?"""
     return np.asarray(z_m > max(-lamp.apparent_distance_m, 0.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 from lightfield.scene.acts import Acts
@@ -64,16 +65,16 @@ def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | floa
     return depth
 
 
-def layers_absorption_per_m(water: Water, z_m: Array) -> Array:
-    """Absorption that gradient, slab and curve add at z, 1/m.
+def layers_absorption_per_m(water: Water, z_m: Array, y_m: ArrayLike = 0.0) -> Array:
+    """Absorption that gradients, slab and curve add at places, 1/m.
 
     Parameters
     ----------
-    z_m : array, m
+    z_m, y_m : array, m
     """
     low, high = slab_m(water)
     extra = water.gradient_per_m2 * (z_m - water.gradient_centre_m)
     extra = extra + water.layer_absorption_per_m * ((z_m > low) & (z_m < high))
     if water.absorption_departure:
         extra = extra + value_at(water.absorption_departure, z_m)
-    return np.asarray(extra)
+    return np.asarray(extra + water.height_gradient_per_m2 * np.asarray(y_m))

@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 
 from lightfield.arrays import Array, Mask
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
 from lightfield.formula.own_formulas import lit
+from lightfield.readings.columns import LINE_DECIMALS, PLACE_DECIMALS
 from lightfield.scene.lamp.frame import axis_at
 from lightfield.scene.lamp.width import half_width_rad
 from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, JointEstimate, misfit_p
@@ -123,7 +123,7 @@ class Apparent:
     def dataset(self) -> xr.Dataset:
         """All numbers with their errors; covariance = diag(own^2) + modes @ modes^T."""
         estimate, r = self.estimate, self.ratios
-        distances = np.unique(np.round(self.path_m, 3))
+        distances = np.unique(np.round(self.path_m, LINE_DECIMALS))
         over, per_metre = [self.percent(float(d)) for d in distances], self.percent()
         colour, far = ("wavelength_nm",), ("wavelength_nm", "distance_m")
         own, error = np.sqrt(estimate.own[:, 1, 1]), "its standard error"

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, WAVELENGTH_DECIMALS
 from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE, own_part
 from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
 from lightfield.formula.closed_form import direct_field
 from lightfield.formula.readout import Taken, halves, signal_of, spectra, time_factor
 from lightfield.readings import Readings
+from lightfield.readings.columns import PLACE_DECIMALS, WAVELENGTH_DECIMALS
 from lightfield.readings.load_warning import Remarks
 from lightfield.scene import Scene, Water
 from lightfield.scene.acts import IN_WATER, Acts

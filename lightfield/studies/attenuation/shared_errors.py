@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS, layout_of
+from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.quoted import OWN_PART
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
+from lightfield.readings.columns import PLACE_DECIMALS
 from lightfield.scene import Scene
 from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_p
 

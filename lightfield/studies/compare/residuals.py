@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.verdict.ladder import bright
+from lightfield.readings.columns import LINE_DECIMALS
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def _where(problem: Problem, per_cent: Array, in_sigma: Array) -> dict[str, list
 def _groups(problem: Problem) -> dict[str, list[tuple[str, NDArray[np.bool_]]]]:
     layout = problem.layout
     out: dict[str, list[tuple[str, NDArray[np.bool_]]]] = {}
-    planes = sorted(set(zip(layout.air, np.round(layout.z_m, 3), strict=True)))
+    planes = sorted(set(zip(layout.air, np.round(layout.z_m, LINE_DECIMALS), strict=True)))
     mixed = bool(layout.air.any() and not layout.air.all())
     if len(planes) > MOST_PLANES:  # single places: a table of each would say nothing
         edges = np.unique(np.quantile(layout.z_m, np.linspace(0, 1, 6)))
@@ -103,7 +104,7 @@ def _groups(problem: Problem) -> dict[str, list[tuple[str, NDArray[np.bool_]]]]:
     out["plane"] = [
         (
             f"z = {z:g} m" + ((" air" if air else " water") if mixed else ""),
-            (np.round(layout.z_m, 3) == z) & (layout.air == air),
+            (np.round(layout.z_m, LINE_DECIMALS) == z) & (layout.air == air),
         )
         for air, z in planes
     ]

@@ -26,10 +26,11 @@ from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import positions_grid
 from lightfield.render.response.response import Reference
 from lightfield.render.settings import CachedTracing
-from lightfield.scene import Detector, Scene
+from lightfield.scene import Scene
 from lightfield.scene.bands import first_band_w_per_sr, over_first_band
 from lightfield.scene.lamp.colour import in_colour
 from lightfield.scene.lamp.width import core_width_deg
+from lightfield.scene.receiver import cone_sr
 from lightfield.scene.water.coefficients import (
     absorption_per_m,
     coefficients_in,
@@ -138,7 +139,7 @@ def along_axis(
         bandwidth, spread = between_nodes(z_m, nodes_m, told, late.bandwidth_stderr_hz)
         bandwidth[z_m > nodes_m[known].max(initial=0.0)] = np.nan
         eye = np.interp(z_m, nodes_m, late.eye)
-    scale = colours.w_per_sr * receiver.area_mm2 * 1e-6 * _cone_sr(water.detector)
+    scale = colours.w_per_sr * receiver.area_mm2 * 1e-6 * cone_sr(water.detector)
     power, formula = scale * direct * (1 + ratio), scale * direct
     return xr.Dataset(
         {
@@ -154,12 +155,6 @@ def along_axis(
         },
         coords={"z_m": ("z_m", z_m, {"units": "m"})},
     )
-
-
-def _cone_sr(detector: Detector) -> float:
-    """What makes power of the light that a detector reads, over its area: of a radiance its cone, sr."""
-    half = np.radians(0.5 * detector.full_angle_deg)
-    return float(2 * np.pi * (1 - np.cos(half))) if detector.quantity == "radiance" else 1.0
 
 
 @dataclass(frozen=True)

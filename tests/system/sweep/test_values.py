@@ -183,7 +183,7 @@ def test_show_draws_three_figures_and_says_what_is_there(
             ["export", "{store}", "--exr", "{tmp}/e", "--case", "tank.wal_albedo=0"],
             "did you mean tank.wall_albedo",
         ),
-        (["export", "{store}", "--exr", "{tmp}/e", "--case", "tank.wall_albedo"], "PATH=VALUE"),
+        (["export", "{store}", "--exr", "{tmp}/e", "--case", "tank.wall_albedo"], "path=value"),
         (["sweep", "{tmp}/none.toml", "--vary", "water.absorption_per_m=0,1"], "cannot read the scene"),
     ],
 )

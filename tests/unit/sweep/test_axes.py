@@ -37,9 +37,9 @@ def test_linear_log_and_list_ranges_include_both_ends() -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("water.scattering_per_m", "PATH=RANGE"),
-        ("=0:1:3", "PATH=RANGE"),
-        ("p=", "PATH=RANGE"),
+        ("water.scattering_per_m", "path=range"),
+        ("=0:1:3", "path=range"),
+        ("p=", "path=range"),
         ("p=0:1", "start:stop:count"),
         ("p=0:1:2.5", "start:stop:count"),
         ("p=0:1:3:log:5", "start:stop:count"),
@@ -68,7 +68,7 @@ def test_a_wrong_range_is_one_line_that_says_the_rule(text: str, says: str) -> N
         (["detector.width_m=0:1:3"], "impossible value; found 0.0; rule: above 0 to 10000"),
         (["tank.wall_albedo=0,1.5"], "impossible value.*0 to 1"),
         (["water.scattering_per_m=0,1", "water.scattering_per_m=2,3"], "varied twice"),
-        (["lamp=1,2"], "not a parameter; found 'lamp'; rule: PATH is that of one parameter"),
+        (["lamp=1,2"], "not a parameter; found 'lamp'; rule: the path of one parameter"),
         (["effect=1,2"], "not a parameter; found 'effect'"),
         ([f"{ALBEDO}=0,2"], "impossible value.*0 to 1"),
         ([f"{ATTENUATION}=1,2", "water.absorption_per_m=0,1"], "both set absorption and scattering"),

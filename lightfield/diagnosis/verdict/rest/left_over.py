@@ -27,9 +27,10 @@ from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
 from lightfield.diagnosis.verdict.trust import error_scale
-from lightfield.fitting.effects.local import ALONG
+from lightfield.fitting.effects.local import ALONG, AMPLITUDES
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.readings import Readings
+from lightfield.scene.lamp.frame import angle_from_axis
 from lightfield.scene.own.own_effect import OwnEffect, Places
 
 #: A parameter of ripples: by so many of its errors, or such a part of it, it may be off in a file. By chance
@@ -177,7 +178,7 @@ def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Ar
     values, without = fit.values, without_it(fit, name)
     shown = np.asarray(bright(problem), bool) & (without > 0)
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
-    along = {"x": x, "y": y, "time": t, "angle": np.degrees(np.arctan2(np.hypot(x, y), z))}[ALONG[name]]
+    along = {"x": x, "y": y, "time": t, "angle": np.degrees(angle_from_axis(x, y, z))}[ALONG[name]]
     if name == "plume":  # it shades what passes through it: drawn at the farthest plane
         along = x * z.max() / z
         shown = shown & (z > values["effect.plume.z0"]) & (along >= x.min()) & (along <= x.max())
@@ -186,7 +187,7 @@ def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Ar
 
 def without_it(fit: Fit, name: str) -> Array:
     """Readings as a fit has them, but for a local unknown, shape (n,)."""
-    sizes = {f"effect.{name}.{key}" for key in ("depth", "size", "a", "b")}
+    sizes = {f"effect.{name}.{key}" for key in AMPLITUDES}
     neutral = {p.path: p.value(0.0) for p in fit.model.parameters if p.path in sizes}
     return fit.model.forward.predict(fit.values | neutral)
 
@@ -194,7 +195,7 @@ def without_it(fit: Fit, name: str) -> Array:
 def _along(coordinate: str, readings: Readings) -> tuple[Array, Places]:
     """Points along a coordinate within the readings, on the axis of the farthest plane otherwise."""
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
-    theta = np.degrees(np.arctan2(np.hypot(x, y), z))
+    theta = np.degrees(angle_from_axis(x, y, z))
     whole = {"x": x, "y": y, "time": t, "angle": theta}[coordinate]
     at = np.linspace(whole.min(), whole.max(), _POINTS)
     zero, far = np.zeros(_POINTS), np.full(_POINTS, z.max())

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lightfield.diagnosis.adequacy.structure import Structure
-from lightfield.diagnosis.problem.layout import PLACE_DECIMALS
 from lightfield.diagnosis.verdict.cautions.caution import not_confirmed
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
 from lightfield.diagnosis.verdict.speech import UNITS, join
+from lightfield.readings.columns import PLACE_DECIMALS
 
 _CALLED = {"plane": "z", "angle": "the angle from the axis", "wavelength": "the wavelength"}
 _NO_BEAM = "these readings do not look like a beam through water"

@@ -9,6 +9,7 @@ import pytest
 from analytic_readings import readings
 from local_unknown import fitted_alone
 
+from lightfield.fitting.effects.local import AMPLITUDES, local_unknowns
 from lightfield.readings import Readings
 
 Shade = Callable[[Readings], np.ndarray]
@@ -81,3 +82,11 @@ def test_a_shadow_is_a_local_unknown(shade: Shade, name: str, where: dict[str, f
     for key, true in where.items():
         value = found["x0"] / found["z0"] if "/" in key else found[key]
         assert value == pytest.approx(true, abs=0.01 if "/" in key else 0.35 if key == "z0" else 0.03), key
+
+
+def test_what_the_amplitudes_of_local_unknowns_are_called() -> None:
+    """They alone have a neutral value, 0."""
+    table, _ = readings(seed=1, layout="fine")
+    found = [(name, p.neutral) for one in local_unknowns(table) for name, p in one.parameters.items()]
+    assert {name for name, neutral in found if neutral is not None} == set(AMPLITUDES)
+    assert {neutral for name, neutral in found if name in AMPLITUDES} == {0.0}
