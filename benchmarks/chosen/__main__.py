@@ -16,8 +16,8 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-from benchmarks.chosen.page import page
-from benchmarks.chosen.sets import SETS, believed, readings_of
+from benchmarks.chosen.page import first_rows, group_of_each, page
+from benchmarks.chosen.sets import GROUPS, given
 from benchmarks.chosen.values import FACTORS, Chosen, Used, chosen, instead, other
 from benchmarks.hidden_effects import store
 from lightfield.diagnosis.diagnose import diagnose
@@ -26,14 +26,13 @@ ROOT = Path(__file__).resolve().parents[2]
 Said = dict[str, dict[str, Any]]
 
 
-def said() -> Said:
-    """What is said of every set; a crash is an answer too."""
+def said(group: str = "direct") -> Said:
+    """What is said of every set of a group; a crash is an answer too."""
     out = {}
-    for one in SETS:
+    for one in GROUPS[group]:
+        readings, scene, how = given(one)
         try:
-            verdict = diagnose(
-                readings_of(one), believed(), only=one.asked, diffuse=None, advise=False
-            ).verdict
+            verdict = diagnose(readings, scene, only=one.asked, **how).verdict
             sentence = {
                 "verdict": verdict.verdict, "best_set": sorted(verdict.best_set),
                 "certain": sorted(verdict.certain),
@@ -47,25 +46,25 @@ def said() -> Said:
     return out
 
 
-def as_it_is() -> tuple[Said, list[str]]:
+def as_it_is(group: str) -> tuple[Said, list[str]]:
     """What is said with every number as it is, and the numbers that it rests on."""
     used = Used()
     with used:
-        now = said()
+        now = said(group)
     return now, [one.label for one in chosen() if used.by(one)]
 
 
-def with_another(one: Chosen, factor: float) -> Said:
+def with_another(one: Chosen, factor: float, group: str) -> Said:
     """What is said with another value of one number."""
     with instead(one, other(one.value, factor)):
-        return said()
+        return said(group)
 
 
-def _job(job: tuple[str, float]) -> tuple[str, float, Said, float]:
-    label, factor = job
+def _job(job: tuple[str, float, str]) -> tuple[str, float, str, Said, float]:
+    label, factor, group = job
     (one,) = [c for c in chosen() if c.label == label]
     begun = time.process_time()
-    return label, factor, with_another(one, factor), time.process_time() - begun
+    return label, factor, group, with_another(one, factor, group), time.process_time() - begun
 
 
 def main() -> None:
@@ -79,27 +78,30 @@ def main() -> None:
     # One process for each number: what one remembers was computed with another.
     context = multiprocessing.get_context("fork")
     rows = store.read(args.store)
-    if not any(row["label"] == "" for row in rows):
-        with context.Pool(1, maxtasksperchild=1) as pool:
-            now, used = pool.apply(as_it_is)
-        store.append(args.store, {"label": "", "said": now, "used": used, "code": store.code_version()})
+    for group in GROUPS:
+        if group not in first_rows(rows):
+            with context.Pool(1, maxtasksperchild=1) as pool:
+                now, used = pool.apply(as_it_is, (group,))
+            code = store.code_version()
+            store.append(args.store, {"label": "", "group": group, "said": now, "used": used, "code": code})
     rows = store.read(args.store)
-    (first,) = [row for row in rows if row["label"] == ""]
+    groups = group_of_each(rows)
     done = {(row["label"], row.get("factor")) for row in rows}
     # In an order of their own: whenever it ends, what is done is a fair sample.
     jobs = [
-        (one.label, factor)
+        (one.label, factor, groups[one.label])
         for one in known
         for factor in FACTORS
-        if one.label in first["used"] and other(one.value, factor) is not None
+        if one.label in groups and other(one.value, factor) is not None
         if (one.label, factor) not in done
     ]
     jobs.sort(key=lambda job: zlib.crc32(job[0].encode()))
     until = time.monotonic() + 60 * args.minutes
     with context.Pool(args.processes, maxtasksperchild=1) as pool:
         each = enumerate(pool.imap_unordered(_job, jobs, chunksize=1), 1)
-        for k, (label, factor, sentence, seconds) in each:
-            store.append(args.store, {"label": label, "factor": factor, "said": sentence, "cpu_s": seconds})
+        for k, (label, factor, group, sentence, seconds) in each:
+            row = {"label": label, "factor": factor, "group": group, "said": sentence, "cpu_s": seconds}
+            store.append(args.store, row)
             print(f"{k} of {len(jobs)}: {label} x {factor:g}, {seconds:.0f} s", file=sys.stderr)
             if time.monotonic() > until:
                 pool.terminate()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.chosen.sets import SETS, Set
+from benchmarks.chosen.sets import GROUPS, SETS, Bundled, Set
 from benchmarks.chosen.values import Chosen, other
 
 #: What a parameter moves by less is the same, in its standard errors.
@@ -21,9 +21,9 @@ Made by `python -m benchmarks.chosen`; nothing is asserted.
 The diagnosis and its fits have {count} numbers that were chosen, not derived or measured
 (`tests/unit/test_constants.py` holds that each says so). Each is halved and doubled here, one at a time (a
 probability near one: what is left to it; a tuple: all of it), and {sets} tables of 105 readings, of direct
-light written out in `sets.py`, are diagnosed. A number counts as used where a function ran that looks it up.
-What was computed from it as the program started stays as it was; what only scattered and reflected light asks
-for is not used here.
+light written out in `sets.py`, are diagnosed; where these do not use a number, the one of
+`scenes/hidden_effect`, which was rendered in full, with the scattered light that it needs. A number counts as
+used where a function ran that looks it up. What was computed from it as the program started stays as it was.
 
 | numbers | |
 |---|---:|
@@ -66,23 +66,28 @@ Parameters of the last rung, by so many of their standard errors at most.
 
 def page(rows: Sequence[Row], known: Sequence[Chosen]) -> str:
     """The text of the page."""
-    (first,) = [row for row in rows if row["label"] == ""]
-    by_label = {one.label: one for one in known}
-    now, used = first["said"], [label for label in first["used"] if label in by_label]
+    firsts, by_label = first_rows(rows), {one.label: one for one in known}
+    now = {name: sentence for row in firsts.values() for name, sentence in row["said"].items()}
+    used = [label for label in group_of_each(rows) if label in by_label]
     tried = [row for row in rows if row["label"] in used]
-    loud = {row["label"]: None for row in tried if any(_differs(row, now, one) for one in SETS)}
-    wrong = {row["label"]: None for row in tried if any(_wrongly(row["said"][one.name], one) for one in SETS)}
-    moves = [(row, *_moved(row["said"], now)) for row in tried if row["label"] not in loud]
+    loud = {row["label"]: None for row in tried if any(_differs(row, now, one) for one in _tables(row))}
+    wrong = {
+        row["label"]: None
+        for row in tried
+        if any(_wrongly(row["said"][one.name], now[one.name], one) for one in _tables(row))
+    }
+    moves = [(row, *_moved(row, now)) for row in tried if row["label"] not in loud]
     moving = {row["label"]: None for row, by, *_ in moves if by > SAME}
     calm = [label for label in dict.fromkeys(row["label"] for row in tried) if label not in loud]
     return TEXT.format(
         count=len(known), sets=len(SETS), used=len(used), same=SAME,
         tried=len({row["label"] for row in tried}), calm=len(calm), moving=len(moving), loud=len(loud),
-        wrong=len(wrong), now="\n".join(_as_it_is(now[one.name], one) for one in SETS),
+        wrong=len(wrong),
+        now="\n".join(_as_it_is(now[one.name], one) for name in firsts for one in GROUPS[name]),
         changes="\n".join(
             _change(row, by_label[row["label"]], one)
             for row in sorted(tried, key=lambda r: (r["label"], r["factor"]))
-            for one in SETS
+            for one in _tables(row)
             if _differs(row, now, one)
         ) or "| none | | | | | | |",
         moves="\n".join(
@@ -91,24 +96,40 @@ def page(rows: Sequence[Row], known: Sequence[Chosen]) -> str:
             if by > SAME
         ) or "| none | | | | | |",
         nothing=_listed([label for label in calm if label not in moving]),
-        unused=_listed([one.label for one in known if one.label not in first["used"]]),
+        unused=_listed([one.label for one in known if one.label not in used]),
     )  # fmt: skip
 
 
-def _differs(row: Row, now: Row, one: Set) -> bool:
+def first_rows(rows: Sequence[Row]) -> dict[str, Row]:
+    """What is said with all numbers as they are, by group."""
+    return {row.get("group", "direct"): row for row in rows if row["label"] == ""}
+
+
+def group_of_each(rows: Sequence[Row]) -> dict[str, str]:
+    """By which group a number is tried: the first that uses it."""
+    firsts = first_rows(rows)
+    return {label: name for name in reversed(GROUPS) if name in firsts for label in firsts[name]["used"]}
+
+
+def _tables(row: Row) -> Sequence[Set | Bundled]:
+    """The tables that were diagnosed for a row."""
+    return GROUPS[row.get("group", "direct")]
+
+
+def _differs(row: Row, now: Row, one: Set | Bundled) -> bool:
     there, here = row["said"][one.name], now[one.name]
     return any(there[k] != here[k] for k in ("verdict", "best_set", "certain"))
 
 
-def _wrongly(sentence: Row, one: Set) -> bool:
-    return not set(sentence["certain"]) <= set(one.hidden)
+def _wrongly(sentence: Row, now: Row, one: Set | Bundled) -> bool:
+    return not set(sentence["certain"]) - set(now["certain"]) <= set(one.hidden)
 
 
-def _moved(there: Row, here: Row) -> tuple[float, str, str]:
+def _moved(row: Row, here: Row) -> tuple[float, str, str]:
     """By how many standard errors a parameter of the last rung moves at most, of which table, and which."""
     most = (0.0, "", "")
-    for one in SETS:
-        before, after = here[one.name]["values"], there[one.name]["values"]
+    for one in _tables(row):
+        before, after = here[one.name]["values"], row["said"][one.name]["values"]
         for path in before.keys() & after.keys():
             value, stderr = before[path]
             if stderr and np.isfinite(stderr):
@@ -116,8 +137,8 @@ def _moved(there: Row, here: Row) -> tuple[float, str, str]:
     return most
 
 
-def _as_it_is(sentence: Row, one: Set) -> str:
-    hidden = ", ".join(one.hidden) or "a shadow" if one.light == "shadow" else ", ".join(one.hidden)
+def _as_it_is(sentence: Row, one: Set | Bundled) -> str:
+    hidden = ", ".join(one.hidden) or ("a shadow" if one.name == "shadow" else "")
     return f"| {one.name} | {hidden} | {_sentence(sentence)} |"
 
 
@@ -129,7 +150,7 @@ def _numbers(row: Row, one: Chosen) -> str:
     return f"`{one.label}` | {_short(one.value)} | {_short(other(one.value, row['factor']))}"
 
 
-def _change(row: Row, one: Chosen, table: Set) -> str:
+def _change(row: Row, one: Chosen, table: Set | Bundled) -> str:
     return f"| {_numbers(row, one)} | {table.name} | {_sentence(row['said'][table.name])} |"
 
 

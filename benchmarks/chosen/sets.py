@@ -1,18 +1,22 @@
-"""Readings whose light is written out here: sums and closed forms, not the package's own."""
+"""Readings whose light is written out here, sums and closed forms of its own; and one rendered table."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.readings import Readings
+from lightfield.readings.table.read import read_table
 from lightfield.scene import Scene
 
+SCENES = Path(__file__).resolve().parents[2] / "scenes"
 #: What is true, and what the experimenter believes: half width (degrees), absorption (1/m).
 TRUE, BELIEVED = (4.6, 0.105), (4.0, 0.12)
 #: Part of the reading, and of the brightest.
@@ -145,6 +149,41 @@ ASKED = {
     "shadow": ["lamp_drift"],
 }
 SETS = tuple(Set(light, noise) for light in LIGHTS for noise in NOISES.get(light, ("stated",)))
+
+
+@dataclass(frozen=True)
+class Bundled:
+    """A table that comes with the package, of light that was rendered in full: with scattered light.
+
+    Parameters
+    ----------
+    folder : str
+        In `scenes/`.
+    """
+
+    name: str
+    folder: str
+    hidden: tuple[str, ...]
+    asked: list[str]
+
+
+BUNDLED = (
+    Bundled(
+        "rendered, scattering", "hidden_effect", ("scattering",),
+        ["scattering", "background", "beam_offset", "lamp_drift"],
+    ),
+)  # fmt: skip
+#: Of a number the first group that uses it is diagnosed: those of direct light take less time each.
+GROUPS: Mapping[str, Sequence[Set | Bundled]] = {"direct": SETS, "bundled": BUNDLED}
+
+
+def given(one: Set | Bundled) -> tuple[Readings, Scene, dict[str, Any]]:
+    """What is diagnosed, and how."""
+    if isinstance(one, Set):
+        return readings_of(one), believed(), {"diffuse": None, "advise": False}
+    folder = SCENES / one.folder
+    scene = Scene.load(folder / "scene.toml")
+    return read_table(folder / "data.csv", scene), scene, {"diffuse": "trace"}
 
 
 def believed() -> Scene:
