@@ -67,6 +67,8 @@ _RELATIVE, _FLOOR, _DIM = 0.01, 0.001, 0.005
 _ON_AXIS = 0.1
 #: So many wavelengths tell a bend from a slope: derived.
 _A_BEND = 3
+#: Paths of which is remembered whether they are amplitudes. Chosen: memory alone.
+_PATHS = 4096
 #: So many curves are remembered by their amplitudes. Chosen: memory alone.
 _REMEMBERED = 32
 
@@ -76,7 +78,7 @@ Stated = Mapping[str, Any]
 _AMPLITUDES = tuple(f"{field}." for field in FIELDS)
 
 
-@lru_cache(4096)
+@lru_cache(_PATHS)
 def is_amplitude(path: str) -> bool:
     """Is it the name of an amplitude?"""
     return path.startswith(_AMPLITUDES)

@@ -19,10 +19,13 @@ Whiten = Callable[[Array], Array]
 #: A parameter within this part of its range is at a bound; within this one the bound itself is tried. Chosen
 #: (test_least_squares.py compares with SciPy).
 _AT, _NEAR = 1e-6, 1e-2
-#: Damping that leaves a Newton step, but for directions that are not determined at all: rounding.
+#: Steps at most, and what of chi-square ends them. Chosen, as the above.
+_STEPS, _LITTLE = 40, 1e-4
+#: Damping that leaves a Newton step, but for directions that are not determined at all. Derived: rounding of
+#: doubles, with room.
 _NEWTON = 1e-9
-#: Squares of directions, over the largest, that are not determined but for rounding; a parameter has a part
-#: in one if the square of that is so large.
+#: Squares of directions, over the largest, that are not determined; a parameter has a part in one if the
+#: square of that is so large. Derived: rounding of doubles, squared, with room; its root.
 LOOSE, OPEN = 1e-12, 1e-6
 
 
@@ -248,8 +251,8 @@ def least_squares(
     whiten: Whiten,
     start: Sequence[float] | Array,
     keep: Array | None = None,
-    max_steps: int = 40,
-    tolerance: float = 1e-4,
+    max_steps: int = _STEPS,
+    tolerance: float = _LITTLE,
 ) -> Fit:
     """Minimise |whiten(value - prediction)|^2 within the bounds.
 

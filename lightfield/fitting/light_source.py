@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array, Mask
+from lightfield.arrays import TINY, Array, Mask
 from lightfield.fitting.curves import Curves, field_of
 from lightfield.fitting.diffuse_light import Diffuse, DiffuseLight, DiffuseSource
 from lightfield.fitting.parameter import is_gain
@@ -31,8 +31,8 @@ _AFTERWARDS = frozenset(paths_on(AFTERWARDS))
 _REMEMBERED = 120
 #: And so much with its slopes, which take three times as long. Chosen: memory alone.
 _FEW = 8
-#: Groups of parameters of which is remembered which of them make light. Chosen: memory alone.
-_PATHS = 1024
+#: Paths, and groups of them, of which is remembered whether they make light. Chosen: memory alone.
+_PATHS, _GROUPS = 4096, 1024
 #: The lamp is moved so far aside for a slope, m. Chosen: next to nothing beside a cell.
 _ASIDE_M = 1e-3
 #: A lamp's table does not know its light where it may be off by more than this part (chosen: a fifth, far
@@ -107,7 +107,7 @@ class LightSource:
             The render, for unit on-axis intensity.
         """
         plain = replace(self, correction=1.0)
-        return replace(self, correction=light / np.maximum(plain.light(values), 1e-300), stderr=stderr)
+        return replace(self, correction=light / np.maximum(plain.light(values), TINY), stderr=stderr)
 
     def holding(self, values: Mapping[str, float]) -> LightSource:
         """The same, whose scattered and reflected light does not follow the lamp's small changes."""
@@ -217,7 +217,7 @@ class LightSource:
         def of(paths: tuple[str, ...]) -> tuple[str, ...]:
             return tuple(sorted(path for path in paths if not acts_afterwards(path)))
 
-        return lru_cache(_PATHS)(of)
+        return lru_cache(_GROUPS)(of)
 
     @cached_property
     def _remembered(self) -> Callable[[tuple[tuple[str, float], ...]], Array]:
@@ -250,7 +250,7 @@ class LightSource:
         """Scattered and reflected light, and how it changes with the place, shape (4, n)."""
         scene = self.scenes.with_values(dict(optical))
         if not self.diffuse.is_in(scene):
-            return np.zeros((4, len(self.diffuse.channels[1])))
+            return np.zeros((1 + 3, len(self.diffuse.channels[1])))
         rest, sides = self.diffuse.light(scene), []
         for offset in ("lamp.offset_x_m", "lamp.offset_y_m"):
             aside = scene.with_values({offset: float(scene.get(offset)) - _ASIDE_M}, validate=False)
@@ -265,7 +265,7 @@ def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
     return {k: v for k, v in values.items() if _makes_diffuse(k)}
 
 
-@lru_cache(4096)
+@lru_cache(_PATHS)
 def _makes_diffuse(path: str) -> bool:
     return bool(acts_on(path) & (DIFFUSE | Acts.FLOOR | Acts.WAVES))
 

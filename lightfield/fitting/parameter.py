@@ -100,7 +100,7 @@ class FitParameter:
         if self.coordinate == "square":
             return float(0.5 * u**-0.5) if u > 0 else 0.0
         if self.coordinate == "inverse-square":
-            return float(-5.0 * u**-1.5) if u > _UNLIMITED else 0.0
+            return float(-0.5 * 10.0 * u**-0.5 / u) if u > _UNLIMITED else 0.0
         return 1.0
 
 

@@ -14,6 +14,8 @@ from lightfield.scene.own.own_effect import OwnEffect
 
 #: So many scenes are remembered: most steps of a fit change something else. Chosen: memory alone.
 REMEMBERED = 16
+#: Groups of paths of which is remembered which are among others. Chosen: memory alone.
+_GROUPS = 1024
 
 Chosen = tuple[tuple[str, float], ...]
 
@@ -76,6 +78,6 @@ def chosen(values: Mapping[str, float], paths: frozenset[str]) -> Chosen:
     return tuple([(path, values[path]) for path in _those(tuple(values), paths)])
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(_GROUPS)
 def _those(given: tuple[str, ...], paths: frozenset[str]) -> tuple[str, ...]:
     return tuple(sorted(path for path in given if field_of(path) in paths or path.startswith(OWN)))

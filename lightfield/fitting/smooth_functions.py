@@ -18,9 +18,10 @@ from lightfield.scene.curve import Nodes
 NODES = 61
 #: A curve that a fit tries is clipped here, a factor of 1100. Chosen: no lamp has more, no number overflows.
 LARGEST = 7.0
-#: What differs by less is one: coordinates as a part of their range, curves of their largest value: rounding.
+#: What differs by less is one: coordinates as a part of their range, curves of their largest value. Derived:
+#: as `least_squares` holds a parameter to be at a bound.
 _SAME_PART = 1e-6
-#: What rounding leaves of the largest eigenvalue.
+#: What is left of the largest eigenvalue is none. Derived: rounding of doubles, with room.
 _ROUNDING = 1e-10
 #: All that has no second differences, of lamps and waters over time and wavelength: derived.
 _LINES: list[Array] = [np.ones(NODES), np.linspace(-1, 1, NODES)]

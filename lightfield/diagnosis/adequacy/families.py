@@ -30,7 +30,7 @@ _SLOW_TERMS = 4
 _SAME_COLUMN = 1e-6
 #: Signals below this part of the largest are one. Chosen, as `quoted.ASSUMED_FLOOR`.
 _DARKEST = 1e-3
-#: Keeps the scale of a coordinate, and a misfit, finite: rounding.
+#: Keeps the scale of a coordinate, and a misfit, finite. Derived: rounding of doubles, with room.
 _LEAST = 1e-12
 
 

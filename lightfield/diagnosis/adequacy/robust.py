@@ -31,8 +31,8 @@ _MANY = 80
 #: One-tailed chance that any good reading of a table is called an outlier: of many readings, and of few,
 #: whose loss costs more. Chosen: both tails make ALPHA, and a tenth; test_robust.py holds that it is kept.
 OUTLIER_LEVEL, OUTLIER_LEVEL_FEW = 0.005, 0.0005
-#: Readings this many spreads off are proposed as outliers: by chance one of 370. What is judged one is
-#: farther off.
+#: Readings this many spreads off are proposed as outliers: by chance one of 370. Derived: the normal law;
+#: what is judged one is farther off.
 _PROPOSED = 3.0
 #: Where the weights of the Cauchy regression are a half, in spreads: 2.385 makes it 95 % efficient on normal
 #: errors (Holland and Welsch 1977, doi:10.1080/03610927708827533). Rounds: it only proposes.

@@ -51,7 +51,7 @@ _CERTAIN = 1000
 #: k neighbouring columns count as k to this power independent ones in the nominal p of a scan. Chosen, for
 #: the weight of a scan among the tests alone: what is said rests on the bootstrap.
 _SCAN_POWER = 0.7
-#: Rounding of a sum of squares.
+#: Part of a sum of squares that is nought. Derived: rounding of doubles, with room.
 _ROUNDING = 1e-12
 
 

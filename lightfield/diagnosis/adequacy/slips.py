@@ -25,9 +25,9 @@ _ROWS = ("along x", "along y", "along z")
 #: Probability with which slips alone are called a structure, by their places or by their number. Chosen:
 #: rarer than a false alarm (`level.ALPHA`), to which it adds; test_slips.py holds it.
 FALSE_ALARM = 0.003
-#: Random choices of as many places: the chance of FALSE_ALARM is then known to two fifths.
+#: Random choices of as many places. Derived: six of them are then beyond FALSE_ALARM, known to two fifths.
 PERMUTATIONS = 1999
-#: Fewer readings than this are near each other by chance.
+#: Fewer readings than this are near each other by chance. Derived: two have one distance, and none is rare.
 _FEWEST = 3
 #: Factor between the numbers of struck places that a window is tried with, once they are more than a few.
 #: Chosen: random choices are counted in the same steps, so that FALSE_ALARM stays what it is (test_slips.py).

@@ -36,7 +36,7 @@ _MOST_BUMPS = 40
 #: Moments at which a step is sought: as parts of the scan from its middle, its ends left alone. Chosen; on
 #: fewer no answer hangs (test_cascade.py).
 _STEPS = np.linspace(-0.4, 0.4, 17)
-#: Keeps the scale of a coordinate finite: rounding.
+#: Keeps the scale of a coordinate finite. Derived: rounding of doubles, with room.
 _LEAST_SPAN = 1e-12
 
 

@@ -23,7 +23,7 @@ _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
 #: For a first look: widths of dips as parts of a scan, how many; steps at so many moments at most. Chosen:
 #: a fit that looks closer begins where one of them shows.
 _PARTS, _SHAPES_WIDE, _MOST_STEPS = (0.02, 0.25), 5, 200
-#: Such a part of a square is rounding.
+#: Such a part of a square is none. Derived: rounding of doubles, squared, with room.
 _ROUNDING = 1e-20
 #: Two ripples that differ by so many cycles over all angles are as far from each other as their phases are.
 #: Derived, as `templates._RIPPLES_APART`.

@@ -28,8 +28,8 @@ _BRIGHT_SIGMA = 10
 _OUTLIER = 4.0
 #: Relative variance to which the gain is solved for: that of a millionth. Chosen: far below any gain.
 _SOLVED = 1e-12
-#: The value assumed without repeats counts like this many degrees of freedom: three repeats that agree by
-#: chance must not promise perfect repositioning.
+#: The value assumed without repeats counts like this many degrees of freedom. Chosen: three repeats that
+#: agree by chance must not promise perfect repositioning.
 _PRIOR_DOF = 1.0
 
 

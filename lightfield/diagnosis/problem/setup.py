@@ -39,8 +39,8 @@ PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 
 #: 10 % in water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp
 #: powers.
 CALIBRATION_PERCENT = 10.0
-#: The gain of absolute readings is looked for within so many errors of the calibration: by chance one of 370
-#: is not.
+#: The gain of absolute readings is looked for within so many errors of the calibration. Derived: the normal
+#: law; one of 370 lies beyond.
 _GAIN_SIGMAS = 3.0
 #: On a relative scale a gain is looked for within this exponent of the first guess. Chosen: a factor of
 #: 160,000.
@@ -62,7 +62,7 @@ _LEAST_READING = 1e-3
 #: The gain is guessed where there is most light: a tenth of the places, so many at least. Chosen: a start
 #: alone.
 _FEWEST_BRIGHTEST = 3
-#: Wavelengths in nm, closer than this, are one: rounding of a table.
+#: Wavelengths in nm, closer than this, are one. Derived: as those of a table are.
 _SAME_NM = 10.0**-WAVELENGTH_DECIMALS
 #: Light below this part of the most is none. Chosen: no instrument sees it.
 _NO_LIGHT = 1e-60

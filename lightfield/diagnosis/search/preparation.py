@@ -50,7 +50,8 @@ from lightfield.fitting.least_squares import Fit
 REPLICATES = 999
 #: Of errors that the scatter tells this part is a reading's own at least, whatever its place makes. Chosen.
 _OWN_OF_LAW = 0.3
-#: A reading's own error is this part of all at least: the difference of squares that are equal is rounding.
+#: A reading's own error is this part of all at least. Derived: of squares that are equal the difference is
+#: rounding.
 _LEAST_OF_ALL = 1e-6
 #: Serial correlation is judged beside more spare readings than this. Chosen, as `robust._FEWEST_PAIRS`.
 _SPARE_FOR_SERIAL = 25

@@ -38,7 +38,8 @@ _APART = 0.04
 _ACROSS, _IN_PLANE, _ALONG, _NEAREST, _FARTHEST, _LEAST_ACROSS, _UP = 17, 9, 12, 0.6, 1.15, 0.1, 0.6
 #: Within a tank: parts of its half width and of its length, and metres from floor and top. Chosen.
 _WITHIN_SIDES, _WITHIN_END, _FROM_FLOOR_M = 0.97, 0.98, 0.03
-#: Added to the diagonal of an information matrix, relative and alone, so that it can be solved: rounding.
+#: Added to the diagonal of an information matrix, relative and alone, so that it can be solved. Derived:
+#: rounding of doubles, with room.
 _RIDGE, _RIDGE_ALONE = 1e-9, 1e-12
 
 

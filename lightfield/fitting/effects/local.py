@@ -23,8 +23,9 @@ FAMILY = "local unknown"
 #: Widths from that of a rope (2 cm) to a quarter of a scan; times as parts of it; periods from two readings
 #: to the whole range of angles. Chosen.
 _NARROWEST_M, _WIDEST_PART = 0.02, 0.25
-#: Largest and typical part of the light that is taken or added. Chosen.
-_SIZE, _TYPICAL = 0.9, 0.05
+#: Largest and typical part of the light that is taken or added, and largest that swings. Chosen: nearly all
+#: of it; half of it between top and bottom.
+_SIZE, _TYPICAL, _SWING = 0.9, 0.05, 0.4
 #: Beyond a plume light is dimmed within so many metres: less than two planes are apart. Chosen.
 _EDGE_M = 0.1
 #: What their amplitudes are called, 0 where there is nothing (test_shadows.py).
@@ -149,8 +150,8 @@ def _ripple(
         stage=stage,
         formula=f"1 + a*cos(2*pi*{along}/period) + b*sin(2*pi*{along}/period)",
         parameters={
-            "a": _size(0.4),
-            "b": _size(0.4),
+            "a": _size(_SWING),
+            "b": _size(_SWING),
             "period": _between(unit, *periods, "of the ripple"),
         },
         physics=physics,

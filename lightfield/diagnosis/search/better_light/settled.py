@@ -36,7 +36,7 @@ from lightfield.fitting.least_squares import Fit
 
 #: So many explanations are settled. Chosen.
 _SETTLED = 3
-#: Where nothing was accepted, so many that came nearest are given another chance.
+#: Where nothing was accepted, so many that came nearest are settled. Chosen: time alone.
 _TRIED_ANEW = 1
 #: The effect by which clear water scatters, and the gap in cost below which it is tried in place of another.
 #: Chosen: settled it cost 21 less, once, than the search had known, and 46 less another time.

@@ -9,9 +9,10 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet, SetKey
 #: Levels of additions at most: more effects than any set of readings was seen to hold (six and curves, in
 #: benchmarks/many_effects).
 _MOST = 9
-#: A set counts as better when it costs less by this: rounding.
+#: A set counts as better when it costs less by this. Derived: far below what noise does to chi-square, far
+#: above rounding.
 _BETTER = 1e-6
-#: What promises less of chi-square than one parameter takes of the noise by chance is not fitted.
+#: What promises less of chi-square than this is not fitted. Derived: one parameter takes as much of noise.
 _LEAST = 1.0
 #: Rounds of drops and swaps; in each so many swaps are fitted, of those that promise to cost no more than
 #: this above the best. Chosen: the smallest that mended sets of four effects and more.

@@ -28,7 +28,8 @@ _ROUNDS = 3
 #: What a fit may leave of its distance from sets near the best. Chosen: what is added to it is ranked by what
 #: it would save, and what is added to is fitted to the end.
 _OF_DISTANCE = 0.01
-#: A parameter this near to a bound that it is drawn to, as part of its range, is held there: rounding.
+#: A parameter this near to a bound that it is drawn to, as part of its range, is held there. Derived:
+#: rounding of doubles, with room.
 _AT = 1e-9
 
 
