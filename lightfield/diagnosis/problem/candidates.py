@@ -246,8 +246,7 @@ def _limits(declared: Parameter, coordinate: str) -> tuple[float, float]:
     """What a scene can have of a parameter, in the coordinate of the fit."""
     if coordinate == "inverse-square":
         return 0.0, np.inf
-    low = -np.inf if declared.low is None else declared.low
-    high = np.inf if declared.high is None else declared.high
+    low, high = declared.low, declared.high
     return (max(low, 0.0) ** 2, high**2) if coordinate == "square" else (low, high)
 
 
