@@ -50,9 +50,22 @@ class LampPose:
     covariance: Array | None
 
     @property
+    def is_determined(self) -> bool:
+        """May a vehicle steer by it: is it the one pose that fits, and all of it known?"""
+        known = self.covariance is not None and bool(np.isfinite(self.covariance).all())
+        return known and not self.estimate.ambiguous
+
+    @property
     def level(self) -> bytes:
         """Level of a diagnostic."""
-        return ERROR if self.estimate.lost else WARN if self.lamp is None else OK
+        return ERROR if self.estimate.lost else OK if self.is_determined else WARN
+
+    @property
+    def words(self) -> str:
+        """What a diagnostic says."""
+        if self.lamp is None or self.is_determined:
+            return self.estimate.status
+        return "several poses fit" if self.estimate.ambiguous else "some of the pose is not known"
 
 
 @dataclass
@@ -144,7 +157,8 @@ def make_node(bridge: Bridge, frame: str = FRAME) -> Any:
                 _fill(pose, answer.lamp)
             full.pose.covariance = [float(v) for v in answer.covariance.ravel()]
             poses.publish(full)
-            docks.publish(plain)
+            if answer.is_determined:  # it has no covariance that could say otherwise
+                docks.publish(plain)
         one = answer.estimate
         facts = {
             "chi2": f"{one.chi2:.3g}",
@@ -152,7 +166,7 @@ def make_node(bridge: Bridge, frame: str = FRAME) -> Any:
             "rivals": str(len(one.rivals)),
             "ambiguous": "yes" if one.ambiguous else "no",
         }
-        states.publish(_state(diagnostic, stamp, answer.level, one.status, facts))
+        states.publish(_state(diagnostic, stamp, answer.level, answer.words, facts))
 
     node.create_subscription(std.Float32MultiArray, "array/readings", listen, QUEUE)
     return node

@@ -118,5 +118,6 @@ class Absorption:
         if self.curve is not None:
             depth = depth + t * self.curve.mean(z0, z1)
         (first, last), aside = BEYOND_M
-        far = (low < first) | (high > last) | (dr.abs(start.y + direction.y * t) > aside)
+        highest = dr.maximum(dr.abs(start.y), dr.abs(start.y + direction.y * t))
+        far = (low < first) | (high > last) | (highest > aside)
         return dr.select(far, dr.maximum(depth, 0), depth)

@@ -1,11 +1,6 @@
 """Where does a follower believe it is that trusts the formula, in water that scatters?
 
-    p0 = argmin over p of  sum (mu(truth) - G E_formula(p))^2 / variance              (bias: p0 - truth)
-    spread of the estimates  A^-1 B A^-1,   B = J^T W J,   A = B - sum of residuals times second derivatives
-
-p0 is what the maximum likelihood estimate tends to, and the spread is the misspecified Cramer-Rao bound
-(Vuong 1986, Caltech working paper 652; Fortunati et al. 2017, IEEE Signal Process. Mag. 34, 142,
-doi:10.1109/MSP.2017.2738017). The formula is calibrated in one of four ways (`calibration`).
+Over waters, places and the four ways in which the formula is calibrated (`calibration`); see `belief`.
 """
 
 from __future__ import annotations
@@ -23,7 +18,6 @@ from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.defaults import SCATTERING_PER_M
 from lightfield.studies.follower.array_light import (
-    STEP,
     ArrayModel,
     Light,
     Space,
@@ -32,139 +26,19 @@ from lightfield.studies.follower.array_light import (
     refuse_walls,
 )
 from lightfield.studies.follower.array_noise import SensorNoise
+from lightfield.studies.follower.belief import belief
 from lightfield.studies.follower.calibration import CALIBRATIONS, believed, without_a_batch
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, poses_on_axis
-from lightfield.studies.follower.information import NOTHING_M, inverse, is_told
-from lightfield.studies.follower.pose_search import find_minima
+from lightfield.studies.follower.information import NOTHING_M, NOTHING_RAD, is_told
 from lightfield.studies.follower.survey import array_of
 from lightfield.studies.light_at import refuse_dark
 from lightfield.studies.one_number import refuse_several
 
 #: Places of a map across and along the formation space.
 ACROSS, ALONG = 5, 5
-
-
-@dataclass(frozen=True)
-class Belief:
-    """What a follower takes its pose for.
-
-    Parameters
-    ----------
-    pose, believed : array, shape (6,), m and rad
-    covariance : array, shape (n, n), m and rad
-        Spread of the estimates by noise about `believed`, of the coordinates that are sought;
-        infinite on its diagonal, and zero beside it, where the readings tell nothing.
-    trace_sigma : array, shape (n,), m and rad
-        Standard error of the bias by the trace's photons, in the readings and in what was fitted to them.
-    misfit : float
-        Sum of the squared residuals that noise did not make, over the degrees of freedom.
-    """
-
-    pose: Array
-    believed: Array
-    covariance: Array
-    trace_sigma: Array
-    misfit: float
-
-    @property
-    def bias(self) -> Array:
-        """Believed less true pose, m and rad, shape (6,)."""
-        return np.asarray(self.believed - self.pose)
-
-
-def belief(
-    truth: ArrayModel,
-    formula: ArrayModel,
-    pose: Array,
-    names: Sequence[str],
-    noise: SensorNoise,
-    gain_sigma: float = 0.0,
-    parts: Sequence[tuple[ArrayModel, ArrayModel]] = (),
-) -> Belief:
-    """Bias and spread of the pose from the wrong model, at one pose.
-
-    Parameters
-    ----------
-    truth, formula : ArrayModel
-        The readings, and what explains them.
-    pose : array, shape (6,), m and rad
-    names : sequence of str
-        Coordinates that are sought; the rest is known.
-    gain_sigma : float
-        Of the formula's gain beforehand; infinite: only relative readings count.
-    parts : sequence of (ArrayModel, ArrayModel)
-        The same two without one of the batches of the trace, for each in turn, see `without_a_batch`.
-    """
-    readings = truth.readings(pose[None])[0]
-    variance = noise.variance(readings)
-    unknown = {"gain": gain_sigma} if gain_sigma > 0 else {}
-    found = find_minima(formula, readings, variance, names, pose[None], nuisances=unknown)
-    best, gain = found.poses[0], float(found.gains[0])
-    covariance, lever = _spread(formula, readings, 1 / variance, best, gain, names, gain_sigma)
-    trace = np.zeros(len(names))
-    if parts:
-        # What photons do to the readings, and to what is believed of them, moves the belief as noise would;
-        # of a jackknife, without one batch in turn (Efron 1982, section 2).
-        expected = formula.readings(best[None])[0]
-        moved = [
-            lever
-            @ (true.readings(pose[None])[0] - readings - gain * (other.readings(best[None])[0] - expected))
-            for true, other in parts
-        ]
-        trace = np.sqrt(len(parts) - 1) * np.std(moved, axis=0)
-    free = len(readings) - len(names) - (gain_sigma > 0)
-    return Belief(pose, best, covariance, trace, float(found.chi2[0]) / max(free, 1))
-
-
-def _spread(
-    model: ArrayModel,
-    readings: Array,
-    weight: Array,
-    pose: Array,
-    gain: float,
-    names: Sequence[str],
-    prior: float,
-) -> tuple[Array, Array]:
-    """A^-1 B A^-1 of the pose, with the logarithm of the gain unknown where it is sought; and A^-1 J^T W.
-
-    Infinite of what readings of so few elements do not tell at all.
-    """
-    at, free = [POSE.index(name) for name in names], prior > 0
-    size = len(at) + free
-
-    def slopes_and_gradient(poses: Array, gains: Array) -> tuple[Array, Array]:
-        read = gains[:, None] * model.readings(poses)
-        slopes = gains[:, None, None] * model.by_pose(poses, names)
-        if free:
-            slopes = np.concatenate([slopes, read[:, :, None]], axis=2)
-        gradient = -np.einsum("snk,n,sn->sk", slopes, weight, readings - read)
-        if free:
-            gradient[:, -1] += np.log(gains) * prior**-2.0
-        return slopes, gradient
-
-    poses, gains = np.tile(pose, (2 * size, 1)), np.full(2 * size, gain)
-    # The gradient is itself a difference with `STEP`: its own step is larger, so that rounding stays small.
-    step = 10 * STEP
-    for k in range(size):
-        for row, sign in ((k, 1), (size + k, -1)):
-            if k < len(at):
-                poses[row, at[k]] += sign * step
-            else:
-                gains[row] *= np.exp(sign * step)
-    _, gradients = slopes_and_gradient(poses, gains)
-    a = (gradients[:size] - gradients[size:]) / (2 * step)
-    slopes, _ = slopes_and_gradient(pose[None], np.array([gain]))
-    b = np.einsum("nk,n,nl->kl", slopes[0], weight, slopes[0])
-    if free:
-        b[-1, -1] += prior**-2.0
-    back = np.linalg.pinv(0.5 * (a + a.T), hermitian=True)
-    lever = back @ (slopes[0] * weight[:, None]).T
-    spread = (back @ b @ back)[: len(at), : len(at)]
-    untold = ~np.isfinite(np.diag(inverse(b)))[: len(at)]
-    spread[untold, :] = spread[:, untold] = 0.0
-    spread[untold, untold] = np.inf
-    return spread, lever[: len(at)]
+#: An array that takes itself to be turned by less is as good as straight, deg.
+_WORTH_A_WORD_DEG = 0.5
 
 
 @dataclass(frozen=True)
@@ -188,6 +62,13 @@ class BiasStudy:
     plane: xr.Dataset
     traced: bool
 
+    @property
+    def _turned(self) -> Array:
+        """By how much it takes itself to be turned on the axis where that is known, rad."""
+        found = [self.axis[f"bias_{n}"].values for n in POSE[3:5] if n in self.names]
+        sure = [self.axis[f"sigma_{n}"].values < NOTHING_RAD for n in POSE[3:5] if n in self.names]
+        return np.concatenate([v[s] for v, s in zip(found, sure, strict=True)]) if found else np.zeros(0)
+
     def as_data(self) -> dict[str, Any]:
         return {"axis": _data(self.axis), "plane": _data(self.plane), "sought": list(self.names)}
 
@@ -210,6 +91,9 @@ class BiasStudy:
                     for v, s in zip(one.bias_z.values, one.sigma_z.values, strict=True)
                 ]
                 lines.append(f"  {name:<33} " + " / ".join(f"{cell:>13}" for cell in cells))
+        turned = float(np.degrees(np.abs(self._turned)).max(initial=0.0))
+        if turned >= _WORTH_A_WORD_DEG:
+            lines.append(f"turned by up to {turned:.0f} deg, to the one side or the other alike")
         doubt = 1e3 * float(self.axis.trace_z.where(self.axis.sigma_z < NOTHING_M).fillna(0.0).max())
         lines.append(f"errors of the trace: up to {doubt:.0f} mm")
         for name in self.plane.calibration.values:

@@ -14,7 +14,7 @@ from lightfield.render.flux.traced_field import Region, TracedField, traced_fiel
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, Space
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.bias import belief
+from lightfield.studies.follower.belief import belief
 from lightfield.studies.follower.calibration import (
     CLEAR,
     EXACT,

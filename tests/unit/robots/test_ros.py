@@ -154,6 +154,21 @@ def test_what_does_not_fit_is_not_published(stand_in) -> None:
     assert len(node.sent["lamp_pose"]) == 1
 
 
+@pytest.mark.parametrize("read", [1, 3])
+def test_nobody_docks_by_a_pose_that_is_not_known(stand_in, read: int) -> None:
+    """Of 25 elements few were read: it fits, with rivals and infinite errors, and was said to be found."""
+    made = bridge()
+    node = make_node(made)
+    few = np.full(25, np.nan)
+    few[:read] = readings(made)[:read]
+    node.heard["array/readings"](SimpleNamespace(data=few))
+    (state,) = node.sent["diagnostics"]
+    assert len(node.sent["lamp_pose"]) == 1 and not node.sent["detected_dock_pose"]
+    assert state.status[0].level == WARN and state.status[0].message != "found"
+    node.heard["array/readings"](SimpleNamespace(data=readings(made)))
+    assert len(node.sent["detected_dock_pose"]) == 1
+
+
 def test_a_node_is_spun_until_it_is_interrupted(stand_in) -> None:
     with pytest.raises(KeyboardInterrupt):
         spin(bridge())

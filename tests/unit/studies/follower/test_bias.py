@@ -12,7 +12,8 @@ from lightfield.errors import SceneError, UsageError
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.bias import belief, bias_study
+from lightfield.studies.follower.belief import belief
+from lightfield.studies.follower.bias import bias_study
 from lightfield.studies.follower.calibration import (
     CALIBRATIONS,
     CLEAR,
@@ -70,6 +71,26 @@ def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
     )
     np.testing.assert_allclose(draws.std(axis=0), sigma, rtol=4 / np.sqrt(800) + 0.05 * (prior > 0))
     assert np.abs(found.bias[:3]).max() > 5 * sigma[0]  # there is something to see
+
+
+@pytest.mark.parametrize("prior", [0.0, 0.05])
+def test_a_flat_array_on_the_axis_believes_itself_turned(prior: float) -> None:
+    """By symmetry the search stays straight, on a saddle: the least of many from elsewhere lies lower."""
+    flat, straight = grid((5, 5), 0.6), np.array([0.0, 0.0, 6.5, 0.0, 0.0, 0.0])
+    wider = SCENE.with_values({"lamp.hwhm_deg": 4.2})
+    truth, formula = (ArrayModel(FormulaLight(s), flat) for s in (wider, SCENE))
+    found = belief(truth, formula, straight, FIVE, NOISE, prior)
+    readings = truth.readings(straight[None])[0]
+    starts = straight + np.random.default_rng(1).uniform(-0.3, 0.3, (40, 6)) * [1, 1, 2, 1, 1, 0]
+    sought = {"gain": prior} if prior else {}
+    variance = NOISE.variance(readings)
+    every = find_minima(formula, readings, variance, FIVE, starts, nuisances=sought)
+    stuck = find_minima(formula, readings, variance, FIVE, straight[None], nuisances=sought)
+    free = 25 - 5 - (prior > 0)
+    assert found.misfit * free == pytest.approx(every.chi2.min(), rel=1e-4)
+    assert stuck.chi2[0] > every.chi2.min() + 0.05 and stuck.poses[0, 3:5] == pytest.approx(0, abs=1e-6)
+    # Of all sides, which are one, the one about the upright axis.
+    assert np.degrees(found.bias[3:5]) == pytest.approx([16.3 if prior == 0 else 5.5, 0.0], abs=0.5)
 
 
 def test_one_distance_tells_no_attenuation() -> None:

@@ -16,7 +16,7 @@ from lightfield.scene import Scene
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.bias import belief
+from lightfield.studies.follower.belief import belief
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.estimation.tracking import Filter
 from lightfield.studies.follower.frames import POSE, wrapped
