@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add(
         "--tilt-max", type=float, default=defaults.TILT_MAX_DEG, metavar="DEG",
-        help="largest tilt in x and in y (default %(default)g)",
+        help="largest tilt in x and in y, and so more towards a corner (default %(default)g)",
     )  # fmt: skip
     add(
         "--spacing", type=float, default=defaults.SPACING_M, metavar="M",
@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _task(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--task", choices=("formation", "docking"), default=defaults.TASK,
-        help="poses that count: the whole formation space, or the way home near the lamp "
-        "(default %(default)s)",
+        help="poses that count, on the beam's axis and aside: over the formation space, or the way home near "
+        "the lamp (default %(default)s)",
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ from lightfield.commands.shared.ranges import check_ranges
 from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Follower, Scene
-from lightfield.storage.files import atomic_path, output_folder, write_text
+from lightfield.storage.files import output_folder, write_text
 from lightfield.studies.defaults import RUNS
 from lightfield.sweep.axes import FORMS, parse_axis
 
@@ -71,8 +71,9 @@ def run(args: argparse.Namespace) -> int:
     with progress_of("follow"):
         found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
     if args.track:
-        with atomic_path(args.track) as temporary:
-            found.cases[0].dataset().to_netcdf(temporary, engine="netcdf4")
+        from lightfield.maps.dataset import write_netcdf
+
+        write_netcdf(found.cases[0].dataset(), args.track)
     return answered(args, Following(found))
 
 

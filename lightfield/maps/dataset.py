@@ -179,7 +179,11 @@ def write_netcdf(dataset: xr.Dataset, path: str | os.PathLike[str]) -> Path:
     OutputError
         The place is not writable.
     """
-    packed = {name: {"zlib": True, "complevel": 4} for name in dataset.data_vars if dataset[name].ndim > 2}
+    packed: dict[Any, dict[str, Any]] = {
+        name: {"zlib": True, "complevel": 4} for name in dataset.data_vars if dataset[name].ndim > 2
+    }
+    # No coordinate is missing anywhere, say the CF conventions (section 2.5.1).
+    packed |= {name: {"_FillValue": None} for name in dataset.coords}
     try:
         with atomic_path(path) as temporary:
             dataset.to_netcdf(temporary, engine="netcdf4", encoding=packed)

@@ -51,7 +51,7 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
             parts = [one.sigma[n] / DOCKING[n] for n in names]
             known = np.where(np.isfinite(parts), parts, np.nan)
             at = np.arange(len(names)) + (k - 0.5 * (len(shown) - 1)) * width
-            title = "the scene's pose" if one is survey.here else f"on the axis, z = {one.pose[2]:g} m"
+            title = "the scene's pose" if one is survey.here else survey.on_axis(one)
             bars.bar(at, known, 0.92 * width, color=SERIES[k % len(SERIES)], label=title)
             for place, part, name in zip(at, parts, names, strict=True):
                 text = f"{SHOWN[name][1] * one.sigma[name]:.3g}" if np.isfinite(part) else "unknown"

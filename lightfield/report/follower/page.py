@@ -74,7 +74,7 @@ def bound_row(title: str, one: Bound) -> list[str]:
 def survey_page(survey: Survey) -> str:
     """Page of `array show`."""
     place = in_degrees(survey.here.pose)
-    rows = [bound_row(f"axis, z = {one.pose[2]:g} m", one) for one in survey.axis]
+    rows = [bound_row(survey.on_axis(one), one) for one in survey.axis]
     rows.append(bound_row(f"scene: x {place[0]:g}, z {place[2]:g} m, yaw {place[3]:g} deg", survey.here))
     rival = [
         [f"{r.sigma:.1f}", *(f"{v:.3g}" for v in in_degrees(r.pose)), f"{r.gain:.3g}"] for r in survey.rivals

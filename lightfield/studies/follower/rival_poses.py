@@ -37,9 +37,10 @@ class RivalPose:
         }
 
     def __str__(self) -> str:
-        x, y, z, yaw, pitch, _ = in_degrees(self.pose)
+        x, y, z, yaw, pitch, roll = in_degrees(self.pose)
+        turned = f", roll {roll:.0f}" if abs(roll) >= 0.5 else ""
         return (
-            f"x {x:.2f}, y {y:.2f}, z {z:.2f} m, yaw {yaw:.0f}, pitch {pitch:.0f} deg "
+            f"x {x:.2f}, y {y:.2f}, z {z:.2f} m, yaw {yaw:.0f}, pitch {pitch:.0f}{turned} deg "
             f"with gain x {self.gain:.2f} is {self.sigma:.1f} sigma away"
         )
 

@@ -77,6 +77,13 @@ class Survey:
         met = [self.space[f"sigma_{name}"].values <= DOCKING[name] for name in self.here.names]
         return float(np.mean(np.all(met, axis=0)))
 
+    def on_axis(self, one: Bound) -> str:
+        """Where one of `axis` is, in words: beside it where it leaves the space."""
+        x, y, z = (float(v) + 0.0 for v in one.pose[:3])
+        if np.allclose(one.pose, poses_on_axis(self.scene.lamp, one.pose[2:3])[0]):
+            return f"on the axis, z = {z:g} m"
+        return f"beside the axis, x {x:.3g}, y {y:.3g}, z {z:g} m"
+
     @property
     def looks_away(self) -> bool:
         """Does no element look at the lamp from the scene's pose?"""

@@ -178,6 +178,6 @@ CRITERIA = {
 def test_criterion_of_known_arrays(field, name: str) -> None:
     """b = 0.05, gain to 5 %. A holds squares of slopes, and of flat arrays the noise of the trace."""
     elements, expected = CRITERIA[name]
-    setting = ArraySetting(water(field, 0.05), task_poses(SPACE), POSE[:5], NOISE, {"gain": 0.05})
+    setting = ArraySetting(water(field, 0.05), task_poses(SPACE, SCENE.lamp), POSE[:5], NOISE, {"gain": 0.05})
     found = judged_array(name, elements, setting)
     assert found.criterion == pytest.approx(expected, rel=SIGMAS * np.hypot(found.doubt, 2 * SLOPES))

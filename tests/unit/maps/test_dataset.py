@@ -39,6 +39,14 @@ def test_every_map_has_unit_error_and_named_axes(dataset):
         assert dataset[name].attrs["units"] in ("m", "nm")
 
 
+def test_no_coordinate_is_said_to_be_missing_somewhere(dataset, tmp_path):
+    """CF conventions, section 2.5.1: none has a fill value; as NetCDF has it, not as xarray reads it."""
+    with netCDF4.Dataset(write_netcdf(dataset, tmp_path / "maps.nc")) as written:
+        coordinates = {name: written[name].ncattrs() for name in dataset.coords}
+        assert {"x_m", "z_m", "wavelength_nm"} <= set(coordinates)
+        assert [name for name, attributes in coordinates.items() if "_FillValue" in attributes] == []
+
+
 def test_band_averages_say_their_band(dataset):
     np.testing.assert_array_equal(dataset.wavelength_nm, [525])
     np.testing.assert_array_equal(dataset.wavelength_bounds_nm, [[500, 550]])

@@ -16,10 +16,19 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
+from lightfield.scene.lamp.lamp import Lamp
 from lightfield.studies.defaults import TASK
-from lightfield.studies.follower.array_light import ArrayModel, Light, Space, light_of, pose_names
+from lightfield.studies.follower.array_light import (
+    ArrayModel,
+    Light,
+    Space,
+    light_of,
+    pose_names,
+    refuse_walls,
+)
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
+from lightfield.studies.follower.frames import poses_on_axis
 from lightfield.studies.follower.information import (
     TASK_UNITS,
     doubt_in_words,
@@ -31,8 +40,9 @@ from lightfield.studies.follower.information import (
 from lightfield.studies.follower.survey import array_of
 
 Task = Literal["formation", "docking"]
-#: Distances of a task as parts of the formation space, sideways places, m, and yaws, degrees. Docking ends
-#: near the lamp, on its axis (chosen: the prototype's twelve poses; the last part of a way home).
+#: Distances of a task as parts of the formation space, places beside the beam's axis, m (no farther than half
+#: the space is wide), and yaws, degrees. Docking ends near the lamp, on its axis (chosen: the prototype's
+#: twelve poses; the last part of a way home).
 TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
     "formation": ((0.0, 0.5, 1.0), (0.0, 0.3), (0.0, 8.0)),
     "docking": ((0.0, 0.1, 0.25), (0.0, 0.1), (0.0, 4.0)),
@@ -42,17 +52,13 @@ TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
 RIDGE = 1e-9
 
 
-def task_poses(space: Space, task: Task = TASK) -> Array:
-    """Poses of a task in a formation space, m and rad, shape (n, 6)."""
+def task_poses(space: Space, lamp: Lamp, task: Task = TASK) -> Array:
+    """Poses of a task in a formation space, on the axis of the beam and aside, m and rad, shape (n, 6)."""
     parts, sideways, yaws = TASKS[task]
-    length = space.far_m - space.near_m
-    poses = [
-        (x, 0.0, space.near_m + part * length, np.radians(yaw), 0.0, 0.0)
-        for part in parts
-        for x in sideways
-        for yaw in yaws
-    ]
-    return np.array(poses)
+    axis = poses_on_axis(lamp, space.near_m + np.array(parts) * (space.far_m - space.near_m))
+    aside = [min(x, space.half_width_m) for x in sideways]
+    turned = [np.array([x, 0, 0, np.radians(yaw), 0, 0]) for x in aside for yaw in yaws]
+    return np.array([at + one for at in axis for one in turned])
 
 
 @dataclass(frozen=True)
@@ -199,11 +205,19 @@ class Arrays:
 def setting_of(
     scene: Scene, space: Space, reach: Elements, task: Task, *, photons: float, seed: int
 ) -> ArraySetting:
-    """Light, noise and what is unknown as a scene says; light as far as elements may reach."""
-    light = light_of(scene, space, reach, photons=photons, seed=seed)
-    return ArraySetting(
-        light, task_poses(space, task), pose_names(scene), SensorNoise.of_scene(scene), nuisances_of(scene)
-    )
+    """Light, noise and what is unknown as a scene says; light as far as elements may reach.
+
+    Raises
+    ------
+    RenderError
+        At a pose of the task elements would stand in a wall.
+    """
+    poses = task_poses(space, scene.lamp, task)
+    aside = float(np.abs(poses[:, :2]).max())
+    refuse_walls(scene, replace(space, half_width_m=aside), reach)
+    wide = replace(space, half_width_m=max(space.half_width_m, aside))
+    light = light_of(scene, wide, reach, photons=photons, seed=seed)
+    return ArraySetting(light, poses, pose_names(scene), SensorNoise.of_scene(scene), nuisances_of(scene))
 
 
 def compare_arrays(

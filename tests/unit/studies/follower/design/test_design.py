@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.errors import SceneError
+from lightfield.errors import RenderError, SceneError
 from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
@@ -15,14 +15,14 @@ from lightfield.studies.follower.design.compared import (
     judged_array,
     task_poses,
 )
-from lightfield.studies.follower.design.exchange import Mounting, candidate_arrays, designed
+from lightfield.studies.follower.design.exchange import Mounting, candidate_arrays, designed, optimise_array
 from lightfield.studies.follower.elements import grid, on_sphere
 from lightfield.studies.follower.frames import POSE
 
 SCENE = Scene.from_dict(
     {"lamp": {"hwhm_deg": 3.81}, "water": {"absorption_per_m": 0.05, "scattering_per_m": 0.05}}
 )
-POSES = task_poses(Space(0.4, 4.5, 8.5))
+POSES = task_poses(Space(0.4, 4.5, 8.5), SCENE.lamp)
 SETTING = ArraySetting(FormulaLight(SCENE), POSES, POSE[:5], SensorNoise(brightest=0.01), {"gain": 0.05})
 
 
@@ -54,6 +54,31 @@ def test_the_criterion_is_the_mean_of_bounds() -> None:
         whole[5, 5] += 0.05**-2
         total += np.trace(np.linalg.inv(whole)[:5, :5])
     assert judged_array("", elements, SETTING).criterion == pytest.approx(total / len(POSES), rel=1e-3)
+
+
+def test_poses_of_a_task_are_about_the_beam_and_in_the_space() -> None:
+    """Of a lamp 0.1 m aside that is turned by 5 degrees upwards; they stood about the tank's axis."""
+    turned = SCENE.with_values({"lamp.tilt_y_deg": 5.0, "lamp.offset_x_m": 0.1})
+    poses = task_poses(Space(0.2, 4.5, 8.5), turned.lamp, "formation")
+    assert sorted(set(np.round(poses[:, 0], 6))) == [0.1, 0.3], "aside by 0.2 m at most"
+    assert poses[:, 1] == pytest.approx(poses[:, 2] * np.tan(np.radians(5.0)))
+    assert poses[:, 2].min() == 4.5 and poses[:, 2].max() == 8.5
+
+
+def test_nobody_compares_arrays_in_a_wall() -> None:
+    """An element would stand at 0.6 m in a tank 0.8 m wide."""
+    tank = {"width_m": 0.8, "depth_m": 0.8, "length_m": 12.0, "lamp_depth_m": 0.4}
+    more = {"tank": tank, "array": {"size_m": 0.2}}
+    narrow = Scene.from_dict(SCENE.model_dump(exclude_unset=True) | more)
+    with pytest.raises(RenderError, match="reaches into a wall"):
+        optimise_array(narrow, 8, Mounting(0.6, 40.0, 0.025), space=Space(0.3, 4.5, 8.5), photons=0.0)
+    room = Mounting(0.1, 40.0, 0.01)
+    assert optimise_array(narrow, 8, room, space=Space(0.05, 4.5, 8.5), photons=0.0).arrays
+
+
+def test_many_elements_have_places_to_choose_from() -> None:
+    """Sixty did not fit into 49 places, however large the box."""
+    assert len(designed(SETTING, 60, Mounting(1.0, 0.0, 0.02))) == 60
 
 
 def test_eight_elements_well_placed_beat_twenty_five() -> None:
