@@ -12,7 +12,6 @@ the best.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,9 +29,8 @@ from lightfield.studies.follower.survey import array_of
 
 #: Name of the array that is found.
 BEST = "the best found"
-#: Places along a side of the box at least, and tilts in either direction, of the first candidates; places for
-#: each element at least.
-SIDE, TILTS, _PLACES_EACH = 7, 5, 2
+#: Places along a side of the box, and tilts in either direction, of the first candidates.
+SIDE, TILTS = 7, 5
 #: How often the candidates close in, by half a step each time (chosen: steps of 1 cm and 2 degrees remain).
 ROUNDS = 3
 #: Random beginnings of the exchange, and its sweeps at most.
@@ -123,7 +121,7 @@ def designed(setting: ArraySetting, elements: int, room: Mounting, seed: int = 0
     """The best array that exchanges and ever closer candidates find."""
     tilt_max_deg, spacing_m = room.tilt_max_deg, room.spacing_m
     half, tilts = 0.5 * room.box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
-    side = np.linspace(-half, half, max(SIDE, math.ceil(math.sqrt(_PLACES_EACH * elements))))
+    side = np.linspace(-half, half, SIDE)
     everything = candidate_arrays(side, side, tilts)
     whitened, rng = setting.whitened(everything), np.random.default_rng(seed)
     found = [
@@ -173,8 +171,8 @@ def _begin(among: Elements, count: int, spacing_m: float, rng: np.random.Generat
         f"{count} elements do not fit",
         where="array",
         found=f"room for about {len(chosen)}",
-        rule=f"{spacing_m:g} m between two of them",
-        remedy="fewer elements, a larger box, or a smaller spacing",
+        rule=f"{spacing_m:g} m between two of them, and no more than the {SIDE} x {SIDE} places that are tried",
+        remedy="fewer elements" if count > SIDE**2 else "fewer elements, a larger box, or a smaller spacing",
     )
 
 

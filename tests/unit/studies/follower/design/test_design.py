@@ -76,11 +76,6 @@ def test_nobody_compares_arrays_in_a_wall() -> None:
     assert optimise_array(narrow, 8, room, space=Space(0.05, 4.5, 8.5), photons=0.0).arrays
 
 
-def test_many_elements_have_places_to_choose_from() -> None:
-    """Sixty did not fit into 49 places, however large the box."""
-    assert len(designed(SETTING, 60, Mounting(1.0, 0.0, 0.02))) == 60
-
-
 def test_eight_elements_well_placed_beat_twenty_five() -> None:
     """And they keep their distance, their box and their tilts."""
     best = designed(SETTING, 8, Mounting(0.4, 40.0, 0.025))
