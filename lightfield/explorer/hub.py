@@ -172,13 +172,18 @@ class Hub:
     async def _survey(self) -> bool:
         """One effect more; False where none is left, or whoever looks on wants no more."""
         try:
-            return await self._do(self.session.survey_next)
+            return await self._do(partial(self.session.survey_next, self._give_way))
         except EndedError:
             self._surveying = False
         except Exception as error:
             self._everyone(_text("error", id=None, message=_in_words(error)))
             return isinstance(error, LightfieldError)  # a defect may come again and again
         return False
+
+    def _give_way(self, part: float) -> None:
+        """Called in the session's thread: what nobody asked for ends where somebody asks for something."""
+        if self._waiting:
+            raise EndedError("something else is asked for")
 
     async def _do(self, what: Callable[[], Made]) -> Made:
         """What is made in the session's thread, where alone the session changes."""

@@ -64,6 +64,7 @@
     if (head.id !== null && head.id < waiting) return;
     LF.showEvaluation(head, arrays);
     if (!head.answers) LF.say("this water scatters more than the trace can answer: press Trace anew");
+    else if (!answers) LF.say("");
     answers = head.answers;
     offer();
     if (LF.state) LF.showLadder(LF.state);
@@ -121,8 +122,9 @@
   LF.$("own").addEventListener("submit", (event) => {
     event.preventDefault();
     const parameters = LF.$("own-parameters").value.trim().split("\n").map((line) => {
-      const [name, low, high, neutral] = line.trim().split(/[\s,]+/);
-      return { name, low: Number(low), high: Number(high), neutral: neutral === undefined ? null : Number(neutral) };
+      // Commas part what nothing else does; beside blanks they are points.
+      const [name, low, high, neutral] = line.trim().split(/\s/.test(line.trim()) ? /,?\s+/ : ",");
+      return { name, low: LF.read(low || ""), high: LF.read(high || ""), neutral: neutral === undefined ? null : LF.read(neutral) };
     });
     LF.ask({ do: "own", name: LF.$("own-name").value, stage: LF.$("own-stage").value, formula: LF.$("own-formula").value, parameters });
   });

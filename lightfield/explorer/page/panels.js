@@ -9,6 +9,7 @@ LF.ask = () => {}; // set by live.js or saved.js
 LF.can = () => true; // what a saved page cannot do is not offered
 
 LF.showExperiment = (experiment) => {
+  const other = !LF.experiment || LF.experiment.value.length !== experiment.value.length;
   LF.experiment = experiment;
   LF.errors = null;
   LF.$("title").textContent = experiment.title;
@@ -23,7 +24,6 @@ LF.showExperiment = (experiment) => {
   const planes = experiment.planes_m.map((z, k) => LF.make("button", { type: "button", onclick: () => LF.ask({ do: "view", plane: k, channel: Number(LF.$("channel").value) }) }, `${LF.number(z, 3)}`));
   LF.$("planes").replaceChildren("z = ", ...planes, " m");
   LF.options("channel", experiment.wavelengths_nm.map((w, k) => [String(k), `${LF.number(w, 4)} nm`]));
-  LF.$("channel").value = "0";
   LF.$("channel").hidden = experiment.wavelengths_nm.length < 2;
   const names = experiment.untestable;
   LF.$("untestable").replaceChildren(...Object.keys(names).flatMap((name) => [LF.make("dt", {}, name.replaceAll("_", " ")), LF.make("dd", {}, names[name])]));
@@ -31,7 +31,7 @@ LF.showExperiment = (experiment) => {
   LF.options("residual-axis", LF.axesOf(experiment).map(([key, label]) => [key, label]));
   LF.options("profile-axis", [["x_m", "x"], ["y_m", "y"]]);
   const spread = (key) => { const [a, b] = LF.extent([experiment[key]]); return b - a; };
-  LF.$("profile-axis").value = spread("y_m") > spread("x_m") * 1.01 ? "y_m" : "x_m";
+  if (other) LF.$("profile-axis").value = spread("y_m") > spread("x_m") * 1.01 ? "y_m" : "x_m";
 };
 
 LF.options = (id, pairs) => {
@@ -66,6 +66,7 @@ LF.showState = (state) => {
   LF.showHistory(state);
   LF.showVerdict(state.verdict);
   for (const [k, button] of [...LF.$("planes").querySelectorAll("button")].entries()) button.setAttribute("aria-pressed", String(k === state.plane));
+  LF.$("channel").value = String(state.channel);
   LF.$("undo").disabled = !state.can_undo;
   LF.$("redo").disabled = !state.can_redo;
   LF.$("save-report").hidden = !state.verdict;
@@ -125,13 +126,13 @@ LF.showBecomes = (state) => {
 
 LF.parameter = (path, p) => {
   const slider = LF.make("input", { type: "range", min: "0", max: "1", step: "any", "aria-label": `${p.label}${p.unit ? ` in ${p.unit}` : ""}`, "data-path": path, "data-hold": `slider-${path}` });
-  const number = LF.make("input", { type: "number", step: "any", "aria-label": `${p.label}, value`, "data-hold": `number-${path}` });
+  const number = LF.make("input", { type: "text", inputmode: "decimal", "aria-label": `${p.label}, value`, "data-hold": `number-${path}` });
   const neutral = LF.make("span", { class: "mark", hidden: true, title: "neutral: off" });
   const best = LF.make("span", { class: "mark fit", hidden: true, title: "fitted" });
   const words = LF.make("span", { class: "fitted" }), range = LF.make("span", { class: "range" });
   const control = { p, map: LF.slide(p), slider, number };
   const show = (value) => {
-    number.value = Number(value.toPrecision(4));
+    number.value = String(Number(value.toPrecision(4)));
     slider.setAttribute("aria-valuetext", `${LF.number(value, 4)} ${p.unit}`);
   };
   const place = (mark, value) => {
@@ -165,7 +166,13 @@ LF.parameter = (path, p) => {
     slider.dispatchEvent(new Event("input"));
     slider.dispatchEvent(new Event("change"));
   });
-  number.addEventListener("change", () => { const v = Number(number.value); if (number.value !== "" && Number.isFinite(v)) LF.drag(path, v, true); });
+  number.addEventListener("change", () => {
+    const v = LF.read(number.value);
+    if (Number.isFinite(v)) LF.drag(path, v, true);
+    else LF.say(`${p.label}: “${number.value}” is no number; nothing was changed`);
+  });
+  // What counts, also where what was typed did not.
+  number.addEventListener("blur", () => show(control.p.value));
   LF.controls[path] = control;
   return LF.make("div", { class: "parameter" },
     LF.make("span", { class: "label", title: `${path}: ${p.meaning}` }, p.label),
@@ -181,7 +188,7 @@ LF.showLadder = (state) => {
   const hand = LF.handMoved(state);
   const here = hand ? -1 : state.here ?? state.effects.filter((e) => e.on).length;
   const items = rungs.map((rung) => LF.rung(rung.label, rung.error_percent, rung.chi2_per_dof, top, floor, rung.at === here, () => LF.ask({ do: "rung", at: rung.at })));
-  if (hand && LF.shown) items.push(LF.rung("now, by hand", LF.shown.error_percent, LF.shown.chi2 / LF.shown.dof, top, floor, true, null));
+  if (hand && LF.shown) items.push(LF.rung("now, by hand", LF.shown.error_percent, LF.over(LF.shown.chi2, LF.shown.dof), top, floor, true, null));
   LF.$("ladder").replaceChildren(...items);
 };
 
@@ -212,7 +219,7 @@ LF.showVerdict = (v) => {
   const body = [text(v.headline, "headline"), ...v.support.map((words) => text(words, "muted"))];
   if (v.doubt) body.push(text(v.doubt));
   v.explanations.forEach((one, k) => body.push(LF.make("p", {},
-    LF.make("button", { type: "button", "data-hold": `accept-${k}`, onclick: () => LF.ask({ do: "accept", at: k }) }, `Accept: ${one.label}`),
+    LF.can("accept") ? LF.make("button", { type: "button", "data-hold": `accept-${k}`, onclick: () => LF.ask({ do: "accept", at: k }) }, `Accept: ${one.label}`) : `${one.label}:`,
     ` ${LF.percent(one.error_percent)}, chi²/dof ${LF.number(one.chi2_per_dof, 2)}`)));
   if (v.rendered_percent !== null) body.push(text(`rendered afresh: ${LF.percent(v.rendered_percent)}; noise floor ${LF.percent(v.floor_percent)}`, "muted"));
   if (v.found.length) body.push(LF.make("h3", {}, "How sure each effect is"), LF.make("dl", { class: "found" }, ...v.found.flatMap(LF.foundEffect)));
@@ -238,7 +245,7 @@ LF.showEvaluation = (head, arrays) => {
   const error = LF.$("error");
   error.textContent = LF.percent(head.error_percent);
   error.classList.toggle("good", LF.met(head.error_percent, LF.experiment.floor_percent));
-  LF.$("chi2").textContent = LF.number(head.chi2 / head.dof, 3);
+  LF.$("chi2").textContent = LF.number(LF.over(head.chi2, head.dof), 3);
   LF.paintMaps(arrays.map_render || null, arrays.map_formula || null, LF.experiment.map_x_m.length, LF.$("log").checked);
   LF.showCursor();
   LF.drawPlots();

@@ -11,10 +11,13 @@ LF.ticks = (low, high, count) => {
   const rough = (high - low) / Math.max(1, count);
   if (!(rough > 0) || !Number.isFinite(rough)) return [low];
   const unit = 10 ** Math.floor(Math.log10(rough));
-  const step = [1, 2, 5, 10].find((m) => m * unit >= rough) * unit;
-  const out = [];
-  for (let k = Math.ceil(low / step); k * step <= high * (1 + 1e-9) + 1e-12 && out.length < 50; k++) out.push(k * step);
-  return out;
+  const at = [1, 2, 5, 10].findIndex((m) => m * unit >= rough);
+  for (const m of [[1, 2, 5, 10][at], [0.5, 1, 2, 5][at]]) {
+    const step = m * unit, out = [];
+    for (let k = Math.ceil(low / step); k * step <= high * (1 + 1e-9) + 1e-12 && out.length < 50; k++) out.push(k * step);
+    if (out.length > 1) return out;
+  }
+  return [low];
 };
 
 LF.logTicks = (low, high) => {

@@ -61,8 +61,8 @@
     }
     return {
       effects: stop.described.map((one) => ({ ...one, on: true, error_percent: null, forms: [] })), base: stop.base, parameters,
-      ladder: stops.map((one, k) => ({ at: k, label: one.label, error_percent: one.score.error_percent, chi2_per_dof: one.score.chi2 / one.score.dof })),
-      here, history: [], at: 0, can_undo: past.length > 0, can_redo: ahead.length > 0, snapshots: [], plane, verdict: saved.verdict,
+      ladder: stops.map((one, k) => ({ at: k, label: one.label, error_percent: one.score.error_percent, chi2_per_dof: LF.over(one.score.chi2, one.score.dof) })),
+      here, history: [], at: 0, can_undo: past.length > 0, can_redo: ahead.length > 0, snapshots: [], plane, channel, verdict: saved.verdict,
     };
   };
 
@@ -89,6 +89,7 @@
       if (!ends) { show(); return; }
       before = before || [here, { ...values }];
       values[path] = Math.min(ends[1], Math.max(ends[0], value));
+      LF.say(values[path] === value ? "" : `this page knows ${LF.number(ends[0])} to ${LF.number(ends[1])} here: taken for its end`);
       if (request.done) { past.push(before); before = null; ahead = []; }
       show(request.done);
     } else LF.say("a saved page cannot do that: open the scene in the explorer");
@@ -96,7 +97,6 @@
 
   document.body.classList.add("saved");
   LF.showExperiment(e);
-  LF.$("channel").value = String(channel);
   LF.$("source").textContent += ` · saved by lightfield ${saved.version}`;
   show();
 })();

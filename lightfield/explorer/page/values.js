@@ -24,8 +24,14 @@ LF.number = (value, digits = 3) => {
   return value.toFixed(Math.min(places, 8)).replace("-", "−");
 };
 
+// As people type it: a comma is a point.
+LF.read = (text) => { const plain = text.trim().replace(",", ".").replace("−", "-"); return plain === "" ? NaN : Number(plain); };
+
+LF.over = (value, count) => (value === null || value === undefined ? null : value / count);
+
 LF.percent = (value) => {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (value >= 1e5) return `${LF.number(value, 2)} %`;
   return (value >= 99.5 ? value.toFixed(0) : value >= 0.05 ? value.toFixed(1) : value >= 0.0005 ? value.toFixed(3) : "0.0") + " %";
 };
 

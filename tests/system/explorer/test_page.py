@@ -50,6 +50,50 @@ def test_a_slider_is_dragged_by_mouse_and_by_keyboard(page) -> None:
 
 
 @needs_browser
+def test_a_number_is_typed_as_people_write_it_or_is_refused(page) -> None:
+    """A comma is a point (it was left out: ten times as much); what is none leaves the value that counts."""
+    rest(page)
+    before = error(page)
+    field = page.get_by_label("absorption, value")
+    shown = field.input_value()
+    for wrong in ("NaN", "-", "1e400", "much", ""):
+        field.fill(wrong)
+        field.press("Tab")
+        page.get_by_text("is no number; nothing was changed").wait_for()
+        assert field.input_value() == shown and error(page) == before
+    field.fill("0,2")
+    field.press("Tab")
+    until_error(page, 1e6, 1.05 * before)
+    assert field.input_value() == "0.2"
+    page.get_by_role("button", name="Undo").click()
+    until_error(page, 1.01 * before, 0.99 * before)
+    assert field.input_value() == shown
+
+
+@needs_browser
+def test_numbers_and_ticks_of_any_size_can_be_read(still) -> None:
+    told = still.evaluate("[1.3e29, 2e4, 12.34].map(LF.percent)")
+    assert told == ["1.3e+29 %", "20000 %", "12.3 %"]
+    for reach in (4, 4.01, 4.5, 4.99, 6, 30):
+        ticks = still.evaluate(f"LF.ticks(-{reach}, {reach}, 4)")
+        assert len(ticks) >= 3 and max(map(abs, ticks)) <= reach
+    assert still.evaluate("LF.number(LF.over(null, 30))") == "–"
+
+
+@needs_browser
+def test_the_wavelength_that_is_named_is_the_one_that_is_shown(still) -> None:
+    """Also in a page that was loaded again, and when the experiment is told anew: it went back to the first."""
+    still.evaluate(
+        """() => {
+            LF.showExperiment({ ...LF.experiment, wavelengths_nm: [450, 550] });
+            LF.showState({ ...LF.state, channel: 1 });
+            LF.showExperiment(LF.experiment);
+        }"""
+    )
+    assert still.evaluate("LF.$('channel').value") == "1"
+
+
+@needs_browser
 def test_a_page_that_is_loaded_again_is_where_it_was(page) -> None:
     rest(page)
     before = error(page)

@@ -333,7 +333,7 @@ def test_a_survey_that_was_ended_is_still_to_be_done(session: Session, monkeypat
     errors = EndedError("cancelled"), FitError("not here"), RenderError("no light")
     for kept, error in enumerate(errors):
 
-        def fails(*given: object, error: Exception = error) -> None:
+        def fails(*given: object, error: Exception = error, **_: object) -> None:
             raise error
 
         monkeypatch.setattr(Fits, "of", fails)

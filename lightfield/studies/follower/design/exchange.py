@@ -171,7 +171,7 @@ def _begin(among: Elements, count: int, spacing_m: float, rng: np.random.Generat
         f"{count} elements do not fit",
         where="array",
         found=f"room for about {len(chosen)}",
-        rule=f"{spacing_m:g} m between two of them, and no more than the {SIDE} x {SIDE} places that are tried",
+        rule=f"{spacing_m:g} m between two of them, on at most {SIDE} x {SIDE} places",
         remedy="fewer elements" if count > SIDE**2 else "fewer elements, a larger box, or a smaller spacing",
     )
 
