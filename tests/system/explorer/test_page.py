@@ -82,7 +82,7 @@ def test_numbers_and_ticks_of_any_size_can_be_read(still) -> None:
 
 @needs_browser
 def test_the_wavelength_that_is_named_is_the_one_that_is_shown(still) -> None:
-    """Also in a page that was loaded again, and when the experiment is told anew: it went back to the first."""
+    """Also in a page that was loaded again, and where the experiment is told anew: it was the first one."""
     still.evaluate(
         """() => {
             LF.showExperiment({ ...LF.experiment, wavelengths_nm: [450, 550] });
