@@ -23,7 +23,8 @@ The diagnosis and its fits have {count} numbers that were chosen, not derived or
 probability near one: what is left to it; a tuple: all of it), and {sets} tables of 105 readings, of direct
 light written out in `sets.py`, are diagnosed; where these do not use a number, the one of
 `scenes/hidden_effect`, which was rendered in full, with the scattered light that it needs. A number counts as
-used where a function ran that looks it up. What was computed from it as the program started stays as it was.
+used where a function ran that looks it up. What was computed from it as the program started stays as it was:
+where the two no longer go together the answer is an error.
 
 | numbers | |
 |---|---:|

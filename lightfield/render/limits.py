@@ -7,6 +7,7 @@ from itertools import pairwise
 from numbers import Real
 
 from lightfield.errors import RenderError, UsageError
+from lightfield.memory import byte_size, free_bytes
 
 
 class Allowed:
@@ -37,6 +38,20 @@ AT_READINGS, MADE_PHOTONS = Precision(0.01, 3e6), 3e7
 #: axis, whose derivatives tell what a pose is worth (1 % of a bound at 10 m, 4 % at 17).
 FIELD_PHOTONS, AXIS_PHOTONS = 1e7, 2e6
 REL_ERROR, PHOTONS, SEED = Allowed("1e-5", "1"), Allowed("1e3", "1e12"), Allowed("0", "2147483647")
+
+
+def refuse_too_large(needed: float, what: str, where: str, remedy: str) -> None:
+    """Refuse what takes more bytes than are free, before the system ends the program for it.
+
+    Raises
+    ------
+    RenderError
+    """
+    if needed > (free := free_bytes()):
+        raise RenderError(
+            f"{what} does not fit into memory", where=where, found=f"about {byte_size(needed)}",
+            rule=f"{byte_size(free)} are free", remedy=remedy,
+        )  # fmt: skip
 
 
 def check_rel_error(value: object) -> None:

@@ -26,11 +26,10 @@ from lightfield.errors import RenderError
 from lightfield.formula.own_formulas import lit
 from lightfield.formula.path import rays
 from lightfield.formula.vector import by_place, direct_flux, flux_and_slopes, on_receivers, with_back
-from lightfield.memory import byte_size, free_bytes
 from lightfield.render.backend import use_backend
 from lightfield.render.flux.history_splines import HistorySplines
 from lightfield.render.flux.spline import BEFORE, BEHIND, Splines
-from lightfield.render.limits import FIELD_PHOTONS, check_photons
+from lightfield.render.limits import FIELD_PHOTONS, check_photons, refuse_too_large
 from lightfield.render.maps import transport_key
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of
@@ -45,9 +44,7 @@ from lightfield.scene.water.hardening import hardening_depth
 #: Scattering of the water of a trace from which others are weighed, 1/m, where the scene's own scatters less:
 #: below it a trace is clean (chosen; the errors of the field say how it went).
 LEAST_TRACED_PER_M = 0.1
-
-#: Memory that a trace and its splines take at most, bytes for each cell (measured: 1.9 to 13.9 GB at half
-#: widths of 1 to 4 m).
+#: Bytes that a trace and its splines take for a cell at most (measured: 1.9 to 13.9 GB at 1 to 4 m aside).
 _BYTES_PER_CELL = 1.2e5
 #: Part of a step, and metres, that are rounding: 0.1 m times 6 is more than 0.6 m.
 _ROUNDING = 1e-9
@@ -135,7 +132,11 @@ def traced_field(
     grid = _grid(scene, region)
     chosen = reference_of(scene) if reference is None else reference
     key = {"kind": "flux", **transport_key(scene, grid, chosen), "photons": photons, "seed": seed}
-    _refuse_too_large(grid)
+    refuse_too_large(
+        _BYTES_PER_CELL * len(grid.z_m) * len(grid.x_m) * len(grid.y_m),
+        "the light of so large a region", where="region",
+        remedy="ask for a smaller half width, or for distances nearer to each other",
+    )  # fmt: skip
     stored = response_cache.recall(key) if cache else None
     if stored is not None:
         return TracedField(scene, grid, TransportResponse.unpacked(stored, chosen))
@@ -146,17 +147,6 @@ def traced_field(
     if cache:
         response_cache.keep(key, response.packed())
     return TracedField(scene, grid, response)
-
-
-def _refuse_too_large(grid: Grid) -> None:
-    """Refuse light that does not fit into memory, before the system ends the program for it."""
-    needed = _BYTES_PER_CELL * len(grid.z_m) * len(grid.x_m) * len(grid.y_m)
-    if needed > (free := free_bytes()):
-        raise RenderError(
-            "the light of so large a region does not fit into memory", where="region",
-            found=f"about {byte_size(needed)}", rule=f"{byte_size(free)} are free",
-            remedy="ask for a smaller half width, or for distances nearer to each other",
-        )  # fmt: skip
 
 
 def _grid(scene: Scene, region: Region) -> Grid:

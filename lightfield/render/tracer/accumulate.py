@@ -10,10 +10,10 @@ from math import ceil
 import drjit as dr
 import numpy as np
 
-from lightfield.errors import RenderError
-from lightfield.memory import byte_size, free_bytes, give_back
+from lightfield.memory import give_back
 from lightfield.progress import part_of_trace, tell
 from lightfield.render.backend import use_backend
+from lightfield.render.limits import refuse_too_large
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.grid import Grid
 from lightfield.render.response.response import (
@@ -70,7 +70,10 @@ def trace_until(
     setup = assembled(scene, grid, reference, images=images, path_nodes=path_nodes)
     cells, rows = setup.planes.cells, setup.histories.size
     batches = batches_of(cells, rows)
-    _refuse_too_large(4.0 * (batches + _COPIES) * cells * rows)
+    refuse_too_large(
+        4.0 * (batches + _COPIES) * cells * rows, "the tally of these maps", where="detector",
+        remedy="fewer pixels or planes, or render the planes one by one",
+    )  # fmt: skip
     sums = np.zeros((batches, rows, cells), np.float32)
     listed = cells if images is None else len(images.place)
     largest = int(np.clip(PER_CELL * listed, FIRST_LAUNCH, LARGEST_LAUNCH[use_backend().kind]))
@@ -106,16 +109,6 @@ def trace_until(
         wanted = spent * ((reached / settings.rel_error) ** 2 if np.isfinite(reached) else 4) * 1.05 - spent
         wanted = min(wanted, settings.max_photons - spent)
         launch = _whole_lanes(np.clip(wanted / batches, 1 << 12, min(4 * launch, largest)))
-
-
-def _refuse_too_large(needed: float) -> None:
-    """Refuse a tally that does not fit into memory, before the system ends the program for it."""
-    if needed > (free := free_bytes()):
-        raise RenderError(
-            "these maps do not fit into memory", where="detector",
-            found=f"about {byte_size(needed)} for their tallies", rule=f"{byte_size(free)} are free",
-            remedy="fewer pixels or planes, or render the planes one by one",
-        )  # fmt: skip
 
 
 def _tell(sent: int, judged: int, reached: float, settings: Settings) -> None:
