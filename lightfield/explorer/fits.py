@@ -83,6 +83,7 @@ class Fits:
         keys: tuple[str, ...],
         near: Mapping[str, float] | None = None,
         follow: Callable[[float], None] = lambda part: None,
+        ends: Callable[[], None] = lambda: None,
     ) -> Fitted:
         """The best fit of a set that is known; from some values, or from the usual starts.
 
@@ -90,6 +91,8 @@ class Fits:
         ----------
         follow : callable
             Told the part of the fits that is done; what it raises ends them.
+        ends : callable
+            Called at every step of a fit; what it raises ends them.
 
         Raises
         ------
@@ -113,7 +116,7 @@ class Fits:
         fits = []
         for number, start in enumerate(starts):
             follow(number / len(starts))
-            fits.append(self._fit(model, start))
+            fits.append(self._fit(model, start, ends))
         best = min(fits, key=lambda fit: fit.chi2)
         fitted = self._fitted(best)
         if found is not None and found.score.chi2 <= fitted.score.chi2:
@@ -130,7 +133,7 @@ class Fits:
             for p in model.parameters
         )
         some = Model(model.forward, parameters)
-        fit = self._fit(some, some.start)
+        fit = self._fit(some, some.start, lambda: None)
         return self._fitted(fit)
 
     def explanation(self, keys: Iterable[str]) -> tuple[Candidate, ...]:
@@ -176,9 +179,14 @@ class Fits:
         base = self.known(())
         return model.start if base is None else _start(model, base.values)
 
-    def _fit(self, model: Model, start: Array) -> Fit:
+    def _fit(self, model: Model, start: Array, ends: Callable[[], None]) -> Fit:
         e = self.experiment
-        return least_squares(model, e.problem.value, e.whiten, start, e.problem.keep, tolerance=_LEFT)
+
+        def whiten(columns: Array) -> Array:
+            ends()
+            return e.whiten(columns)
+
+        return least_squares(model, e.problem.value, whiten, start, e.problem.keep, tolerance=_LEFT)
 
     def _fitted(self, fit: Fit) -> Fitted:
         score = self.score(fit.prediction, int((fit.model.high > fit.model.low).sum()))

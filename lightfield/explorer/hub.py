@@ -180,7 +180,7 @@ class Hub:
             return isinstance(error, LightfieldError)  # a defect may come again and again
         return False
 
-    def _give_way(self, part: float) -> None:
+    def _give_way(self) -> None:
         """Called in the session's thread: what nobody asked for ends where somebody asks for something."""
         if self._waiting:
             raise EndedError("something else is asked for")

@@ -368,29 +368,29 @@ class Session:
             "compared": self.comparison is not None,
         }
 
-    def survey_next(self, follow: Callable[[float], None] = lambda part: None) -> bool:
+    def survey_next(self, ends: Callable[[], None] = lambda: None) -> bool:
         """Work out, for one effect more, the error with it switched the other way; was any left?
 
         Raises
         ------
         EndedError
-            Somebody ended it, as `follow` may: what it was at is still left.
+            Somebody ended it, as `ends` may: what it was at is still left.
         LightfieldError
             What it was at cannot be worked out, and is not tried again.
         """
         on = self.now.effects
         for effect in self.state_data()["effects"]:
             if (on, effect["key"]) not in self.survey:
-                self._survey(on, effect["key"], effect["on"], follow)
+                self._survey(on, effect["key"], effect["on"], ends)
                 return True
         return False
 
-    def _survey(self, on: tuple[str, ...], key: str, is_on: bool, follow: Callable[[float], None]) -> None:
+    def _survey(self, on: tuple[str, ...], key: str, is_on: bool, ends: Callable[[], None]) -> None:
         self.survey[on, key] = float("nan")  # stays where there is no number, and nobody ended the search
         turned = tuple(k for k in on if k != key) if is_on else (*on, key)
         try:
             if self.experiment.has_data:
-                self.survey[on, key] = self.fits.of(turned, follow=follow).score.error_percent
+                self.survey[on, key] = self.fits.of(turned, ends=ends).score.error_percent
             elif is_on:
                 self.survey[on, key] = unfitted(self.fits, turned, self.now.values).error_percent
         except FitError:

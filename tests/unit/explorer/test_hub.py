@@ -68,7 +68,7 @@ def quick(session: Session) -> Session:
         session.experiment, session.verdict = replace(session.experiment), None
 
     session.begin = lambda history=None: None
-    session.survey_next = lambda follow: False
+    session.survey_next = lambda ends: False
     session.drop = session._add_own = another
     return session
 
@@ -178,7 +178,7 @@ def test_maps_become_ready_though_the_model_changes_while_they_are_traced(
 def test_an_error_of_the_survey_is_told_and_the_session_lives_on(quick: Session, error: Exception) -> None:
     raised = list[Exception]()
 
-    def survey_next(follow: Callable[[float], None]) -> bool:
+    def survey_next(ends: Callable[[], None]) -> bool:
         if raised:
             return False
         raised.append(error)
@@ -199,7 +199,7 @@ def test_an_error_of_the_survey_is_told_and_the_session_lives_on(quick: Session,
 def test_a_survey_that_was_ended_rests_until_something_is_asked(quick: Session) -> None:
     begun = list[int]()
 
-    def survey_next(follow: Callable[[float], None]) -> bool:
+    def survey_next(ends: Callable[[], None]) -> bool:
         begun.append(len(begun))
         while True:
             quick.say("tracing")
@@ -225,10 +225,10 @@ def test_a_survey_gives_way_to_whoever_asks_for_something(quick: Session) -> Non
     """It would go on for ever; what was asked is answered, and it is begun again."""
     begun = list[int]()
 
-    def survey_next(follow: Callable[[float], None]) -> bool:
+    def survey_next(ends: Callable[[], None]) -> bool:
         begun.append(len(begun))
         while True:
-            follow(0.5)
+            ends()
             time.sleep(0.005)
 
     quick.survey_next = survey_next
@@ -239,7 +239,7 @@ def test_a_survey_gives_way_to_whoever_asks_for_something(quick: Session) -> Non
         page.ask("undo")
         await until(lambda: page.numbers > answered and len(begun) > 1)
         assert not page.errors
-        quick.survey_next = lambda follow: False
+        quick.survey_next = lambda ends: False
         page.ask("undo")
 
     served(quick, what)

@@ -328,6 +328,21 @@ def test_a_fit_says_how_far_it_is_and_can_be_ended(session: Session) -> None:
     assert parts == sorted(parts) and parts[0] == 0 and 0.5 < parts[-1] < 1
 
 
+def test_a_survey_ends_within_a_fit(session: Session) -> None:
+    """At the tenth step of the first: of an effect with other shapes there would be hundreds."""
+    steps = list[int]()
+
+    def ends() -> None:
+        steps.append(len(steps))
+        if len(steps) == 10:
+            raise EndedError("something else is asked for")
+
+    session.fits._known.clear()
+    with pytest.raises(EndedError):
+        session.survey_next(ends)
+    assert len(steps) == 10 and not session.survey
+
+
 def test_a_survey_that_was_ended_is_still_to_be_done(session: Session, monkeypatch) -> None:
     """What cannot be fitted has no number, and is not tried again; an error that is none of a fit is told."""
     errors = EndedError("cancelled"), FitError("not here"), RenderError("no light")
