@@ -86,9 +86,8 @@ def belief(
     found, k = find_minima(formula, readings, variance, names, pose[None], nuisances=unknown), 0
     bend = _bend(formula, readings, 1 / variance, found.poses[0], float(found.gains[0]), names, gain_sigma)
     downhill = _downhill(bend, len(names))
-    if (
-        downhill is not None
-    ):  # by symmetry the search stayed on a saddle: an array turned to a side does better
+    if downhill is not None:
+        # By symmetry the search stayed on a saddle: an array that is turned to a side does better.
         aside = np.zeros((2, len(POSE)))
         aside[:, [POSE.index(name) for name in names]] = np.outer([_ASIDE, -_ASIDE], downhill)
         found = find_minima(formula, readings, variance, names, found.poses[0] + aside, nuisances=unknown)
