@@ -5,6 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from lightfield.formula.readout import Halves, Taken
 from lightfield.scene import Scene
 from lightfield.scene.all_parameters import PARTS
 
@@ -30,6 +33,14 @@ WORDS: dict[str, Any] = {
     "detector.positions_m": ((0.1, 0.0, 4.5), (0.3, 0.0, 4.5)),
     "detector.bands_nm": ((510.0, 530.0),),
 }
+#: Three colours of one spectrum, the last with one of half its wavelength: every readout acts on them.
+TAKEN = Taken(
+    spectrum=np.zeros(3, int),
+    wavelength_nm=np.array([450.0, 500.0, 900.0]),
+    time_s=np.array([0.0, 900.0, 1800.0]),
+    halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
+    z_m=np.array([4.5, 5.5, 6.5]),
+)
 FIELDS = [f"{part}.{name}" for part, model in PARTS.items() for name in model.model_fields]
 
 

@@ -22,8 +22,10 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import inverse
 from lightfield.studies.follower.pose_search import find_minima
 
-#: A search that ended on a saddle goes on from so far aside, m or rad, and where chi-square is lower by this
-#: part.
+#: A curvature of chi-square, in units of that along each coordinate, is none where it is smaller: rounding.
+_LEVEL = 1e-6
+#: A search that ended on a saddle goes on from so far aside, m or rad, and to the other side where chi-square
+#: is lower there by this part.
 _ASIDE, _AS_GOOD = 0.1, 1e-6
 #: Curvatures that differ by less than this part are one; decimals to which parts of a direction are.
 _ALIKE, _SAME_PART = 1e-3, 6
@@ -84,16 +86,16 @@ def belief(
     variance = noise.variance(readings)
     unknown = {"gain": gain_sigma} if gain_sigma > 0 else {}
     found, k = find_minima(formula, readings, variance, names, pose[None], nuisances=unknown), 0
-    bend = _bend(formula, readings, 1 / variance, found.poses[0], float(found.gains[0]), names, gain_sigma)
-    downhill = _downhill(bend, len(names))
+    cost = _Cost(formula, readings, 1 / variance, tuple(names), gain_sigma)
+    downhill = cost.downhill(found.poses[0], float(found.gains[0]))
     if downhill is not None:
         # By symmetry the search stayed on a saddle: an array that is turned to a side does better.
         aside = np.zeros((2, len(POSE)))
-        aside[:, [POSE.index(name) for name in names]] = np.outer([_ASIDE, -_ASIDE], downhill)
+        aside[:, cost.at] = np.outer([_ASIDE, -_ASIDE], downhill)
         found = find_minima(formula, readings, variance, names, found.poses[0] + aside, nuisances=unknown)
         k = int(found.chi2[1] < (1 - _AS_GOOD) * found.chi2[0])
     best, gain = found.poses[k], float(found.gains[k])
-    covariance, lever = _spread(formula, readings, 1 / variance, best, gain, names, gain_sigma)
+    covariance, lever = cost.spread(best, gain)
     trace = np.zeros(len(names))
     if parts:
         # What photons do to the readings, and to what is believed of them, moves the belief as noise would;
@@ -109,88 +111,83 @@ def belief(
     return Belief(pose, best, covariance, trace, float(found.chi2[k]) / max(free, 1))
 
 
-def _spread(
-    model: ArrayModel,
-    readings: Array,
-    weight: Array,
-    pose: Array,
-    gain: float,
-    names: Sequence[str],
-    prior: float,
-) -> tuple[Array, Array]:
-    """A^-1 B A^-1 of the pose, with the logarithm of the gain unknown where it is sought; and A^-1 J^T W.
+@dataclass(frozen=True)
+class _Cost:
+    """Chi-square of the formula's readings about a pose and a gain, and its derivatives.
 
-    Infinite of what readings of so few elements do not tell at all.
+    Parameters
+    ----------
+    names : tuple of str
+        Coordinates of the pose that are sought; the logarithm of the gain is, where its `prior` is not 0.
     """
-    at, free = [POSE.index(name) for name in names], prior > 0
-    a = _bend(model, readings, weight, pose, gain, names, prior)
-    slopes, _ = _slopes_and_gradient(model, readings, weight, pose[None], np.array([gain]), names, prior)
-    b = np.einsum("nk,n,nl->kl", slopes[0], weight, slopes[0])
-    if free:
-        b[-1, -1] += prior**-2.0
-    back = np.linalg.pinv(a, hermitian=True)
-    lever = back @ (slopes[0] * weight[:, None]).T
-    spread = (back @ b @ back)[: len(at), : len(at)]
-    untold = ~np.isfinite(np.diag(inverse(b)))[: len(at)]
-    spread[untold, :] = spread[:, untold] = 0.0
-    spread[untold, untold] = np.inf
-    return spread, lever[: len(at)]
 
+    model: ArrayModel
+    readings: Array
+    weight: Array
+    names: tuple[str, ...]
+    prior: float
 
-def _downhill(bend: Array, count: int) -> Array | None:
-    """Direction of the first coordinates, shape (count,), in which chi-square falls to both sides, if any."""
-    scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(bend)), TINY))
-    square, directions = np.linalg.eigh(bend * np.outer(scale, scale))
-    if square[0] > -_AS_GOOD:
-        return None
-    # About a round beam two directions are one: of these the one that is most of the first coordinate there.
-    alike = directions[:, square < (1 - _ALIKE) * square[0]]
-    most = int(np.argmax(np.round((alike[:count] ** 2).sum(axis=1), _SAME_PART)))
-    found = (alike @ alike[most] * scale)[:count]
-    return np.asarray(found / found[np.argmax(np.abs(found))])
+    @property
+    def at(self) -> list[int]:
+        """Which coordinates of a pose are sought."""
+        return [POSE.index(name) for name in self.names]
 
+    def spread(self, pose: Array, gain: float) -> tuple[Array, Array]:
+        """A^-1 B A^-1 of the pose, and A^-1 J^T W.
 
-def _bend(
-    model: ArrayModel,
-    readings: Array,
-    weight: Array,
-    pose: Array,
-    gain: float,
-    names: Sequence[str],
-    prior: float,
-) -> Array:
-    """A: half the second derivatives of chi-square by the pose and the logarithm of the gain, if sought."""
-    at, free = [POSE.index(name) for name in names], prior > 0
-    size = len(at) + free
-    poses, gains = np.tile(pose, (2 * size, 1)), np.full(2 * size, gain)
-    # The gradient is itself a difference with `STEP`: its own step is larger, so that rounding stays small.
-    step = 10 * STEP
-    for k in range(size):
-        for row, sign in ((k, 1), (size + k, -1)):
-            if k < len(at):
-                poses[row, at[k]] += sign * step
-            else:
-                gains[row] *= np.exp(sign * step)
-    _, gradients = _slopes_and_gradient(model, readings, weight, poses, gains, names, prior)
-    a = (gradients[:size] - gradients[size:]) / (2 * step)
-    return np.asarray(0.5 * (a + a.T))
+        Infinite of what readings of so few elements do not tell at all.
+        """
+        count = len(self.names)
+        slopes, _ = self._slopes_and_gradient(pose[None], np.array([gain]))
+        b = np.einsum("nk,n,nl->kl", slopes[0], self.weight, slopes[0])
+        if self.prior > 0:
+            b[-1, -1] += self.prior**-2.0
+        back = np.linalg.pinv(self._bend(pose, gain), hermitian=True)
+        lever = back @ (slopes[0] * self.weight[:, None]).T
+        spread = (back @ b @ back)[:count, :count]
+        untold = ~np.isfinite(np.diag(inverse(b)))[:count]
+        spread[untold, :] = spread[:, untold] = 0.0
+        spread[untold, untold] = np.inf
+        return spread, lever[:count]
 
+    def downhill(self, pose: Array, gain: float) -> Array | None:
+        """Direction of the coordinates that are sought in which chi-square falls to both sides, if any."""
+        bend, count = self._bend(pose, gain), len(self.names)
+        scale = 1 / np.sqrt(np.maximum(np.abs(np.diag(bend)), TINY))
+        square, directions = np.linalg.eigh(bend * np.outer(scale, scale))
+        if square[0] > -_LEVEL:
+            return None
+        # About a round beam two directions are one: of these the one that is most of the first coordinate.
+        alike = directions[:, square < (1 - _ALIKE) * square[0]]
+        most = int(np.argmax(np.round((alike[:count] ** 2).sum(axis=1), _SAME_PART)))
+        found = (alike @ alike[most] * scale)[:count]
+        return np.asarray(found / found[np.argmax(np.abs(found))])
 
-def _slopes_and_gradient(
-    model: ArrayModel,
-    readings: Array,
-    weight: Array,
-    poses: Array,
-    gains: Array,
-    names: Sequence[str],
-    prior: float,
-) -> tuple[Array, Array]:
-    """Slopes of the readings, (s, n_elements, k), and half the gradient of chi-square, (s, k)."""
-    read = gains[:, None] * model.readings(poses)
-    slopes = gains[:, None, None] * model.by_pose(poses, names)
-    if prior > 0:
-        slopes = np.concatenate([slopes, read[:, :, None]], axis=2)
-    gradient = -np.einsum("snk,n,sn->sk", slopes, weight, readings - read)
-    if prior > 0:
-        gradient[:, -1] += np.log(gains) * prior**-2.0
-    return slopes, gradient
+    def _bend(self, pose: Array, gain: float) -> Array:
+        """A: half the second derivatives of chi-square."""
+        count = len(self.names)
+        size = count + (self.prior > 0)
+        poses, gains = np.tile(pose, (2 * size, 1)), np.full(2 * size, gain)
+        # The gradient is itself a difference with `STEP`: its own step is larger, so that rounding stays
+        # small.
+        step = 10 * STEP
+        for k in range(size):
+            for row, sign in ((k, 1), (size + k, -1)):
+                if k < count:
+                    poses[row, self.at[k]] += sign * step
+                else:
+                    gains[row] *= np.exp(sign * step)
+        _, gradients = self._slopes_and_gradient(poses, gains)
+        a = (gradients[:size] - gradients[size:]) / (2 * step)
+        return np.asarray(0.5 * (a + a.T))
+
+    def _slopes_and_gradient(self, poses: Array, gains: Array) -> tuple[Array, Array]:
+        """Slopes of the readings, (s, n_elements, k), and half the gradient of chi-square, (s, k)."""
+        read = gains[:, None] * self.model.readings(poses)
+        slopes = gains[:, None, None] * self.model.by_pose(poses, self.names)
+        if self.prior > 0:
+            slopes = np.concatenate([slopes, read[:, :, None]], axis=2)
+        gradient = -np.einsum("snk,n,sn->sk", slopes, self.weight, self.readings - read)
+        if self.prior > 0:
+            gradient[:, -1] += np.log(gains) * self.prior**-2.0
+        return slopes, gradient

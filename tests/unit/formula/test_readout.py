@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from perturbed import changed
+from perturbed import TAKEN, changed
 
-from lightfield.formula.readout import Halves, Taken, immersed, readout, signal_of
+from lightfield.formula.readout import immersed, readout, signal_of
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
 
-#: Three colours of one spectrum, the last with one of half its wavelength.
-TAKEN = Taken(
-    spectrum=np.zeros(3, int),
-    wavelength_nm=np.array([450.0, 500.0, 900.0]),
-    time_s=np.array([0.0, 900.0, 1800.0]),
-    halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
-    z_m=np.array([4.5, 5.5, 6.5]),
-)
 LIGHT = np.array([0.3, 0.7, 1.0])
 
 

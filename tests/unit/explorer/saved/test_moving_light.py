@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from perturbed import changed
+from perturbed import TAKEN, changed
 
 from lightfield.explorer.saved.moving_light import moving_light, why_fixed
 from lightfield.explorer.saved.packed_arrays import PackedArrays
 from lightfield.fitting.forward import SceneForward
-from lightfield.formula.readout import Halves, Taken, readout
+from lightfield.formula.readout import readout
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -19,13 +19,6 @@ from lightfield.scene.all_parameters import paths_on
 
 ABSORPTION = "water.absorption_per_m"
 DRY = SimpleNamespace(layout=SimpleNamespace(air=np.zeros(1, bool)))
-TAKEN = Taken(
-    spectrum=np.zeros(3, int),
-    wavelength_nm=np.array([450.0, 500.0, 900.0]),
-    time_s=np.array([0.0, 900.0, 1800.0]),
-    halves=Halves(np.array([2]), np.array([0]), np.array([1]), np.array([0.5])),
-    z_m=np.array([4.5, 5.5, 6.5]),
-)
 
 
 @pytest.mark.parametrize("apparent_m", [0.0, 2.0, -0.5])
