@@ -17,8 +17,10 @@ from lightfield.diagnosis.problem.local_unknowns import left_by_an_unknown, with
 from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
 from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
+from lightfield.diagnosis.problem.whitening import unwhitened
 from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
 from lightfield.diagnosis.search.cascade import SearchResult, search
+from lightfield.diagnosis.search.followed import can_follow, following, scatters
 from lightfield.diagnosis.search.many import beyond_two, is_overtaken, leaves, levelled, misses_by_far
 from lightfield.diagnosis.search.pool.any_number import Data, Ends, never
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
@@ -53,6 +55,8 @@ _PROMISES = 0.8
 _SHOWS = 30.0
 #: Where no one or two effects will do, known ones are so many at least. Derived: one and two were tried.
 _FEWEST = 3
+#: Seed of the trace of a scene that scatters. Chosen: no other trace has it.
+_SEED = 9000
 
 
 @dataclass(frozen=True)
@@ -181,6 +185,8 @@ def _searched(inquiry: Inquiry) -> Knowledge:
         rng = np.random.default_rng(inquiry.seed)
         progress(f"noise and outliers of {problem.layout.size} readings")
         by_shape = calibration.by_shape(problem)
+        if inquiry.is_settled_after:
+            by_shape = _in_light_of_the_scene(by_shape, _SEED + inquiry.seed)
         # Curves come only where no named effect will do.
         data = Data(by_shape.with_curves(), quoted, budget)
         prepared = prepare_problem(by_shape, quoted, budget, rng, alpha, before)
@@ -194,6 +200,19 @@ def _searched(inquiry: Inquiry) -> Knowledge:
         light = known.prepared.problem.forward.light
         traces.asked = light.to_trace(one.fit.values for one in known.finding.contenders)
     return known
+
+
+def _in_light_of_the_scene(problem: Problem, seed: int) -> Problem:
+    """The problem in light that is followed where its base model lies, if that scatters.
+
+    A trace of other water has errors that sets of effects describe. Of eight campaigns in stated water of b =
+    0.4 per m, with a skirt and a background, the right set came first in six, and the background was certain
+    in five; four and four without it.
+    """
+    if not can_follow(problem):
+        return problem
+    base = problem.fit((), unwhitened, [problem.model().start])
+    return following(problem, base, seed) if scatters(problem, base) else problem
 
 
 def _explained(known: Knowledge) -> Knowledge:

@@ -16,15 +16,15 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, by_others, combined, orthonormal
 from lightfield.diagnosis.adequacy.templates import bank
-from lightfield.diagnosis.planned import planned, planned_in
+from lightfield.diagnosis.planned import planned, planned_in, without_photons
 from lightfield.diagnosis.problem.assumed import Assumed
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.quoted import own_part
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Hinders, Untestable, in_words
-from lightfield.diagnosis.problem.whitening import Whitener
-from lightfield.diagnosis.search.followed import can_follow, following, scattering
+from lightfield.diagnosis.problem.whitening import Whitener, unwhitened
+from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.preparation import whitened_test
 from lightfield.diagnosis.search.told_apart import (
     DETECTABLE_SIGMA,
@@ -60,8 +60,6 @@ from lightfield.scene import Scene
 
 #: Readings that would part two effects by less than so many times more than now are not worth advice. Chosen.
 _WORTHWHILE = 1.5
-#: Seed of the trace of scattered light. Chosen: another than a diagnosis has.
-_SEED = 7000
 #: Pieces of advice that the text shows. Chosen: words alone.
 _SHOWN = 6
 #: Widths of columns in the table, and decimals in the data. Chosen.
@@ -124,17 +122,17 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     layout_table, forward = planned_in(readings, scene, source)
     problem, untestable = problem_of(forward, layout_table, list(effects.all_of(scene).values()), reason)
     budget = budget_of(replace(layout_table, stderr=readings.stderr))
-    base = problem.fit((), _identity, [problem.model().start])
-    turbid = scattering(problem, base)
-    if turbid is not None and can_follow(problem):
-        # Slopes with the noise of photons in them would pass for information.
-        problem = following(problem, turbid, _SEED)
-        layout_table = planned(readings, problem.forward)
-        problem = replace(problem, value=layout_table.value)
-        base = problem.fit((), _identity, [base.u])
-    slope = budget.position_slope(forward, base.values)
+    base = problem.fit((), unwhitened, [problem.model().start])
+    followed = without_photons(problem, base)
+    if followed is not problem:
+        layout_table = planned(readings, followed.forward)
+        forward = followed.forward.read_as(layout_table)  # what saturates goes by the brightest of these
+        problem = replace(followed, forward=forward, value=layout_table.value)
+        base = problem.fit((), unwhitened, [base.u])
+    slope = budget.position_slope(problem.forward, base.values)
     sigma = own_part(layout_table.stderr, problem.layout.common * layout_table.value)
-    noise = Noise(problem.layout, sigma, base.prediction, budget, slope)
+    noise = Noise(problem.layout, sigma, layout_table.value, budget, slope)
+    noise = with_response_error(problem, noise, base)
     whiten = Whitener(noise, 0.0, 1.0, 0.0)
     base = problem.fit((), whiten, [base.u])
     adequacy = whitened_test(problem, whiten, np.random.default_rng(0))(base)
@@ -143,15 +141,11 @@ def _plan(readings: Readings, scene: Scene, diffuse: DiffuseSource | None) -> La
     untestable = {name: why for name, why in untestable.items() if name not in by_gain}
     limits = detection_limits(adequacy, 1.0) | by_gain
     found = isolability(adequacy.scores, _sizes(adequacy), 1.0)
-    helpful = _helpful(forward, problem, base, adequacy, found, noise)
+    helpful = _helpful(problem, base, adequacy, found, noise)
     return LayoutPlan(
         limits, untestable, found, helpful, units_of(scene), problem.layout.size, budget.assumed,
         float(layout_table.value.max()),
     )  # fmt: skip
-
-
-def _identity(columns: Array) -> Array:
-    return columns
 
 
 def _sizes(adequacy: Adequacy) -> dict[str, float]:
@@ -186,7 +180,7 @@ def _effects(
     """The effects that are seen, here and elsewhere: first of each its column that has the size."""
     at = forward.predict(base.values)
     there = replace(base, model=replace(base.model, forward=forward), prediction=at)
-    elsewhere = bank(replace(problem, forward=forward, keep=np.ones(forward.size)), there, _identity)
+    elsewhere = bank(replace(problem, forward=forward, keep=np.ones(forward.size)), there, unwhitened)
     found: dict[str, list[tuple[Score, Array]]] = {}
     own: dict[str, Array] = {}
     for score, template in zip(scores, elsewhere, strict=True):
@@ -215,16 +209,18 @@ def _effect(pairs: Sequence[tuple[Score, Array]], own: Array) -> _Effect:
 
 
 def _helpful(
-    forward: SceneForward, problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability, noise: Noise
+    problem: Problem, base: Fit, adequacy: Adequacy, found: Isolability, noise: Noise
 ) -> list[Helpful]:
     """For each pair that is seen and not told apart: the best extra readings, best improvement first."""
     layout = problem.layout
-    places = possible_places(problem, forward.scene.tank)
+    places = possible_places(problem, problem.forward.scene.tank)
     n = len(places.x_m)
     last = float(layout.time_s.max()) if layout.has_time else np.nan
     medium = np.where(places.air > 0, "air", "water")
     time = np.full(n, last)
-    there = forward.at(ROUGH, x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=time)
+    there = problem.forward.at(
+        ROUGH, x_m=places.x_m, y_m=places.y_m, z_m=places.z_m, medium=medium, time_s=time
+    )
     light = there.predict(base.values)
     slopes = replace(base.model, forward=there).jacobian(base.u, light)
     known = _effects(problem, base, adequacy.scores, dict(zip(found.names, found.sizes, strict=True)), there)

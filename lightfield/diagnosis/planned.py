@@ -7,15 +7,20 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.quoted import ASSUMED_FLOOR, ASSUMED_RELATIVE
+from lightfield.diagnosis.search.followed import can_follow, following, scattering
 from lightfield.errors import FitError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 #: Readings of so much of the brightest light tell in which unit a table is. Chosen: a scene may miss others.
 _BRIGHT = 0.1
+#: Seed of the trace of scattered light. Chosen: another than a diagnosis has.
+_SEED = 7000
 
 
 def planned(readings: Readings, forward: SceneForward) -> Readings:
@@ -62,3 +67,12 @@ def planned_in(
     forward = SceneForward(scene, direct, diffuse)
     table = planned(readings, forward)
     return table, forward.read_as(table)
+
+
+def without_photons(problem: Problem, fit: Fit) -> Problem:
+    """The problem in light that is followed where a fit lies, if anything scatters there or beside it.
+
+    Slopes with the noise of photons in them would pass for information.
+    """
+    turbid = scattering(problem, fit)
+    return problem if turbid is None or not can_follow(problem) else following(problem, turbid, _SEED)

@@ -16,14 +16,15 @@ from threadpoolctl import threadpool_limits
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.expected import LIKELY, Expected, Together
-from lightfield.diagnosis.planned import planned_in
+from lightfield.diagnosis.planned import planned_in, without_photons
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.noise import Noise
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.quoted import own_part
 from lightfield.diagnosis.problem.setup import budget_of, problem_of, source_of, spectral
 from lightfield.diagnosis.problem.untestable import Untestable, in_words
-from lightfield.diagnosis.problem.whitening import Whitener
+from lightfield.diagnosis.problem.whitening import Whitener, unwhitened
+from lightfield.diagnosis.search.own_errors import with_response_error
 from lightfield.diagnosis.search.pool.evidence import (
     GAP,
     NAMED_GAP,
@@ -118,14 +119,17 @@ def _together(
         problem = problem.with_curves()
         chosen = _chosen(problem, untestable, names)
         values = _values(chosen, sizes)
-        unlit = problem.fit((), _plainly, [problem.model().start])  # its gain makes the brightest reading 1
-        table = replace(table, value=forward.predict({**unlit.values, **values}))
-        forward = SceneForward(scene, table, light=forward.light)  # curves mean the same
+        unlit = problem.fit((), unwhitened, [problem.model().start])  # its gain makes the brightest reading 1
+        truth = {**unlit.values, **values}
+        true = problem.fit(chosen, unwhitened, [_start(problem, chosen, truth)], max_steps=0)
+        light = without_photons(problem, true).forward.light
+        table = replace(table, value=SceneForward(scene, table, light=light).predict(truth))
+        forward = SceneForward(scene, table, light=light)  # curves mean the same
         problem, _ = problem_of(forward, table, known, reason)
-    problem = problem.with_curves()
+        problem = problem.with_curves()
     chosen = tuple(next(c for c in problem.candidates if c.key == one.key) for one in chosen)
     with step(1, steps, "all effects at once"):
-        pool, node = _searched(forward, problem, chosen, {**unlit.values, **values}, readings, table)
+        pool, node = _searched(problem, chosen, truth, readings, table)
         pool.progress = lambda _: tell(f"{pool.fits} sets fitted", 0.0)
         seen = _worth_their_price(pool, node)
     for k, candidate in enumerate(seen.explanation):
@@ -144,8 +148,10 @@ def _together(
     return Together(expected, problem.layout.size, units_in(forward), budget.assumed)
 
 
-def _plainly(columns: Array) -> Array:
-    return columns
+def _start(problem: Problem, chosen: Explanation, values: Mapping[str, float]) -> Array:
+    """Coordinates of what was chosen, at these values."""
+    known = problem.model(chosen).parameters
+    return np.array([p.coordinate_of(values[p.path]) if p.path in values else p.start for p in known])
 
 
 def _chosen(problem: Problem, untestable: Untestable, names: Sequence[str]) -> Explanation:
@@ -210,7 +216,6 @@ def _check(parameter: FitParameter, size: float) -> None:
 
 
 def _searched(
-    forward: SceneForward,
     problem: Problem,
     chosen: Explanation,
     values: Mapping[str, float],
@@ -219,14 +224,13 @@ def _searched(
 ) -> tuple[Pool, FittedSet]:
     """Sets that were fitted to the noise-free readings, and the true one, which starts at the truth."""
     budget = budget_of(replace(table, stderr=readings.stderr))
-    base = problem.fit((), _plainly, [problem.model().start])
-    slope = budget.position_slope(forward, {**base.values, **values})
+    base = problem.fit((), unwhitened, [problem.model().start])
+    slope = budget.position_slope(problem.forward, {**base.values, **values})
     sigma = own_part(table.stderr, problem.layout.common * table.value)
-    whiten = Whitener(Noise(problem.layout, sigma, table.value, budget, slope), 0.0, 1.0, 0.0)
-    model = problem.model(chosen)
-    start = np.array(
-        [p.coordinate_of(values[p.path]) if p.path in values else p.start for p in model.parameters]
-    )
+    start = _start(problem, chosen, values)
+    noise = Noise(problem.layout, sigma, table.value, budget, slope)
+    noise = with_response_error(problem, noise, problem.fit(chosen, unwhitened, [start], max_steps=0))
+    whiten = Whitener(noise, 0.0, 1.0, 0.0)
     true = problem.fit(chosen, whiten, [start])
     test = whitened_test(problem, whiten, np.random.default_rng(0))
     ground = Ground(test, 1.0, test(true).nu)

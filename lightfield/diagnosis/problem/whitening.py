@@ -124,3 +124,8 @@ class Whitener:
     def kept_as(self) -> type[np.float32] | type[np.float64]:
         """Precision of whitened tables that are kept: of many readings single."""
         return np.float32 if self.noise.has_many else np.float64
+
+
+def unwhitened(columns: Array) -> Array:
+    """Columns as they are: for fits to what has no noise."""
+    return columns

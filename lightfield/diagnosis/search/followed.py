@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lightfield.arrays import Array
 from lightfield.diagnosis.problem.problem import Problem
+from lightfield.diagnosis.problem.whitening import unwhitened
 from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import LightSource
 from lightfield.formula.scattered.scattered_field import describes
@@ -71,14 +71,10 @@ def scattering(problem: Problem, base: Fit) -> Fit | None:
     for candidate in problem.candidates:
         if candidate.effect.diffuse:
             start = problem.default_start(base.u, (candidate,))
-            typical = problem.fit((candidate,), _as_it_is, [start], max_steps=0)
+            typical = problem.fit((candidate,), unwhitened, [start], max_steps=0)
             if scatters(problem, typical):
                 return typical
     return None
-
-
-def _as_it_is(columns: Array) -> Array:
-    return columns
 
 
 def ratio_at(
