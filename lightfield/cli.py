@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from types import FrameType
     from typing import Any
 
-EXIT_OK, EXIT_DEFECT, EXIT_ERROR, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
+_EXIT_OK, _EXIT_DEFECT, _EXIT_ERROR, EXIT_INTERRUPTED, EXIT_TERMINATED = 0, 1, 2, 130, 143
 TRACEBACK_VARIABLE = "LIGHTFIELD_TRACEBACK"
 
 
@@ -74,7 +74,7 @@ def _run(argv: list[str]) -> int:
     try:
         command = prepared(argv)
         _on_signals(_raise)
-        code = int(command() or EXIT_OK)
+        code = int(command() or _EXIT_OK)
         sys.stdout.flush()
         return code
     except Exception as error:
@@ -90,10 +90,10 @@ def _code_of(error: Exception) -> int:
     if isinstance(error, BrokenPipeError):
         # The reader of our output has gone (`lightfield ... | head`): nothing to report.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return EXIT_OK
+        return _EXIT_OK
     if os.environ.get(TRACEBACK_VARIABLE):
         raise error
-    code = EXIT_ERROR
+    code = _EXIT_ERROR
     if isinstance(error, LightfieldError):
         text = str(error)
     elif isinstance(error, OSError):
@@ -103,7 +103,7 @@ def _code_of(error: Exception) -> int:
         text = "out of memory; remedy: fewer pixels, planes or photons"
     else:
         text = f"unexpected {type(error).__name__}: {error}; a defect of the program, not of your input"
-        text, code = f"{text}; set {TRACEBACK_VARIABLE}=1 to see where", EXIT_DEFECT
+        text, code = f"{text}; set {TRACEBACK_VARIABLE}=1 to see where", _EXIT_DEFECT
     print(f"lightfield: {text}", file=sys.stderr)
     return code
 

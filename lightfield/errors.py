@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 SHOWN = 10  # so many problems of a list are printed
-LONGEST_VALUE, LONGEST_LINE = 300, 2000
-LONGEST_LISTED = 80  # of a value on a line of a list
+_LONGEST_VALUE, _LONGEST_LINE = 300, 2000
+_LONGEST_LISTED = 80  # of a value on a line of a list
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Complaint:
 
     def __str__(self) -> str:
         first = "first " if len(self.lines) > 1 else ""
-        return _told(self.head, self.found, self.rule, self.remedy, LONGEST_LISTED, first)
+        return _told(self.head, self.found, self.rule, self.remedy, _LONGEST_LISTED, first)
 
 
 class LightfieldError(Exception):
@@ -84,7 +84,7 @@ class LightfieldError(Exception):
         self.what, self.where, self.found, self.rule, self.remedy = what, where, found, rule, remedy
         self.problems = tuple(problems)
         head = what if where is None else f"{where}: {what}"
-        text, lines = _told(head, found, rule, remedy, LONGEST_VALUE), [str(one) for one in problems]
+        text, lines = _told(head, found, rule, remedy, _LONGEST_VALUE), [str(one) for one in problems]
         if len(lines) == 1:
             super().__init__(f"{text}: {_line(lines[0])}")
         else:
@@ -147,7 +147,7 @@ def one_line(error: BaseException) -> str:
     return " ".join(str(error).split())
 
 
-def brief(value: object, longest: int = LONGEST_LISTED) -> str:
+def brief(value: object, longest: int = _LONGEST_LISTED) -> str:
     """A value as Python writes it, on one line of so many characters at most."""
     try:
         text = " ".join(repr(value).split())
@@ -159,7 +159,7 @@ def brief(value: object, longest: int = LONGEST_LISTED) -> str:
 def _line(text: str) -> str:
     """Text that may come from a file, as one line."""
     text = re.sub(r"[\r\n]+\s*", " ", text)
-    return text if len(text) <= LONGEST_LINE else text[: LONGEST_LINE - 3] + "..."
+    return text if len(text) <= _LONGEST_LINE else text[: _LONGEST_LINE - 3] + "..."
 
 
 class RuleError(ValueError):

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
 #: Of a rung, what a notebook shows.
-LADDER = {
+_LADDER = {
     "label", "error_percent", "chi2_per_dof", "held_out_percent", "removed_percent",
     "rendered_error_percent", "rendered_stderr_percent",
 }  # fmt: skip
@@ -90,7 +90,7 @@ class Diagnosis(Result[diagnosing.Diagnosis]):
         """The ladder."""
         import pandas as pd
 
-        rows = [rung.model_dump(include=LADDER) for rung in self.verdict.ladder]
+        rows = [rung.model_dump(include=_LADDER) for rung in self.verdict.ladder]
         return pd.DataFrame(rows).dropna(axis="columns", how="all")
 
     def _page(self) -> str:

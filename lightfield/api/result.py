@@ -42,11 +42,11 @@ Details = TypeVar("Details")
 Told = TypeVar("Told", bound=Says)
 
 #: How names of columns end, by the unit in a data set.
-IN_NAMES = {"m": "_m", "rad": "_deg", "deg": "_deg"}
+_IN_NAMES = {"m": "_m", "rad": "_deg", "deg": "_deg"}
 #: Rows and columns of a table that a notebook shows of an answer.
-MOST_ROWS, MOST_COLUMNS = 12, 12
+_MOST_ROWS, _MOST_COLUMNS = 12, 12
 #: Characters of a `repr`.
-LONGEST = 200
+_LONGEST = 200
 
 
 class Result(ABC, Generic[Details]):
@@ -143,14 +143,14 @@ class Result(ABC, Generic[Details]):
 
     def __repr__(self) -> str:
         text = f"<{type(self).__name__}: {' '.join(self.headline.split())}>"
-        return text if len(text) <= LONGEST else f"{text[: LONGEST - 4]}...>"
+        return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 4]}...>"
 
     def _repr_html_(self) -> str:
         table = self.summary()
-        shown = table.head(MOST_ROWS).to_html(
-            index=False, border=0, na_rep="–", max_cols=MOST_COLUMNS, float_format="{:.4g}".format
+        shown = table.head(_MOST_ROWS).to_html(
+            index=False, border=0, na_rep="–", max_cols=_MOST_COLUMNS, float_format="{:.4g}".format
         )
-        more = len(table) - MOST_ROWS
+        more = len(table) - _MOST_ROWS
         rest = f"<p>and {more} more rows: <code>.to_pandas()</code></p>" if more > 0 else ""
         return f"<div><p><b>{type(self).__name__}.</b> {escape(self.headline)}</p>{shown}{rest}</div>"
 
@@ -167,7 +167,7 @@ class OverAxes(Result[Details]):
         data = self.to_xarray()
         units = {str(name): str(one.attrs.get("units")) for name, one in data.data_vars.items()}
         angles = {name: np.degrees(data[name]) for name, unit in units.items() if unit == "rad"}
-        ends = {name: IN_NAMES[unit] for name, unit in units.items() if unit in IN_NAMES}
+        ends = {name: _IN_NAMES[unit] for name, unit in units.items() if unit in _IN_NAMES}
         named = {name: name if name.endswith(end) else f"{name}{end}" for name, end in ends.items()}
         return data.assign(angles).rename(named).to_dataframe().reset_index()
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from lightfield.report.style import Axes
 
-DEFAULT = SweepSettings()
+_DEFAULT = SweepSettings()
 #: Dimensions of a map; what has them is no derived quantity.
 _CELLS = {"y_m", "x_m", "row", "column"}
 
@@ -104,10 +104,10 @@ def sweep(
     vary: Mapping[str, str | Sequence[Any]],
     output: AnyPath,
     *,
-    rel_error: float = DEFAULT.rel_error,
-    max_photons: float = DEFAULT.max_photons,
-    seed: int = DEFAULT.seed,
-    maps: bool = DEFAULT.maps,
+    rel_error: float = _DEFAULT.rel_error,
+    max_photons: float = _DEFAULT.max_photons,
+    seed: int = _DEFAULT.seed,
+    maps: bool = _DEFAULT.maps,
     workers: int = 0,
     scheduler: str | None = None,
     memory: float | None = None,

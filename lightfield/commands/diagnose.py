@@ -23,7 +23,7 @@ from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file, write_text
 
 #: Of a ladder: the base model and eight effects.
-MOST_RUNGS = 9
+_MOST_RUNGS = 9
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,7 +77,7 @@ def _diagnose(readings: Readings, scene: Scene, names: list[str] | None, args: a
 
     if args.output:
         inputs = [file for file in (args.data, args.scene, args.effects_file, *scene.tables) if file]
-        rungs = (f"rung{k}.toml" for k in range(MOST_RUNGS))
+        rungs = (f"rung{k}.toml" for k in range(_MOST_RUNGS))
         for name in (VERDICT, CURVES, LAMP_TABLE, SPECTRUM_TABLE, *rungs):
             output_file(args.output / name, *inputs)
     found = None

@@ -22,7 +22,7 @@ from lightfield.sweep.results import (
     open_store,
 )
 
-MOST_CASES = 64
+_MOST_CASES = 64
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--exr", type=Path, required=True, metavar="DIR", help="folder of the images")
     add_option(parser, "--case")
-    parser.add_argument("--all", action="store_true", help=f"more than {MOST_CASES} cases are meant")
+    parser.add_argument("--all", action="store_true", help=f"more than {_MOST_CASES} cases are meant")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -82,8 +82,8 @@ def _chosen(args: argparse.Namespace) -> int:
     axes = axes_of(data)
     shape = tuple(data.sizes[name] for name in axes)
     count = int(np.prod(shape))
-    if count > MOST_CASES and not args.all:
-        raise UsageError("that many cases are hardly meant", found=count, rule=f"at most {MOST_CASES}",
+    if count > _MOST_CASES and not args.all:
+        raise UsageError("that many cases are hardly meant", found=count, rule=f"at most {_MOST_CASES}",
                          remedy="choose with --case PATH=VALUE, or say --all")  # fmt: skip
     with locked_folder(args.exr) as folder:
         return _export(data, axes, shape, folder)

@@ -14,7 +14,7 @@ from lightfield.readings.importing import places
 from lightfield.storage.files import output_file
 
 #: What the instrument's files do not say.
-STATED = (
+_STATED = (
     "quantity", "units", "saturation_level", "plane_gain_percent", "position_mm", "tolerance_percent",
     "outlier_percent", "calibration_percent",
 )  # fmt: skip
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         args.index,
         column=_columns(args.column),
         band=[_band(text) for text in args.band],
-        **given(args, *STATED),
+        **given(args, *_STATED),
     )
     named = readings.metadata["instrument"]["files"]
     output_file(args.output, args.index, *(Path(args.index).parent / file for file in named))

@@ -14,7 +14,7 @@ from lightfield.studies import defaults
 from lightfield.studies.link.receiver import Receiver
 
 #: Options of the receiver: name, default, unit, help.
-RECEIVER = (
+_RECEIVER = (
     ("area", Receiver.area_mm2, "MM2", "of the photodiode, mm²"),
     ("responsivity", Receiver.responsivity_a_per_w, "A/W", "of the photodiode, mean over the band"),
     ("amplifier_noise", Receiver.noise_a_per_sqrt_hz, "A", "A per root Hz at the input"),
@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = "scene file (TOML); a tank is left out, the lamp counts in its first band"
     add_option(parser, "scene", help=what)
     group = parser.add_argument_group("receiver")
-    for name, default, metavar, text in RECEIVER:
+    for name, default, metavar, text in _RECEIVER:
         group.add_argument(
             f"--{name.replace('_', '-')}", type=float, default=default, metavar=metavar,
             help=f"{text} (default {default:g})",
@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     outputs_of(args, args.scene, *scene.tables)
     from lightfield.api.link import link
 
-    options = given(args, *TRACING, *(name for name, *_ in RECEIVER))
+    options = given(args, *TRACING, *(name for name, *_ in _RECEIVER))
     with progress_of("link"):
         answer = link(scene, water=waters, to=args.to, **options)
     return answered(args, answer)

@@ -16,7 +16,7 @@ from lightfield.scene import Scene
 from lightfield.studies import defaults
 
 #: Receivers on a side of an array at most, as many as a scene may have.
-MOST_ON_A_SIDE = 50
+_MOST_ON_A_SIDE = 50
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,9 +50,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Study, print, write."""
     scene = Scene.load(args.scene)
-    if args.array is not None and not 2 <= args.array <= MOST_ON_A_SIDE:
+    if args.array is not None and not 2 <= args.array <= _MOST_ON_A_SIDE:
         raise UsageError(
-            "impossible array", where="--array", found=args.array, rule=f"2 to {MOST_ON_A_SIDE} on a side"
+            "impossible array", where="--array", found=args.array, rule=f"2 to {_MOST_ON_A_SIDE} on a side"
         )
     readings = read_table(args.readings, scene) if args.readings else None
     outputs_of(args, args.scene, args.readings, *scene.tables)

@@ -64,7 +64,7 @@ _NAMES = ("rung*.toml", CURVES, HYPOTHESES, LAMP_TABLE, SPECTRUM_TABLE)
 FRESH_PHOTONS, MOST_FRESH_PHOTONS, _PRECISE = 1.5e6, 1.2e7, 0.5
 #: A fresh render whose error is larger than this many times what is expected contradicts the fit. Chosen; two
 #: independent errors may add up to more by chance, by so many standard deviations of that.
-CONFIRMED, _CHANCE_SIGMA = 1.15, 3
+_CONFIRMED, _CHANCE_SIGMA = 1.15, 3
 #: No render is asked to be better than this, relatively. Chosen.
 _FINEST = 1e-4
 
@@ -155,7 +155,7 @@ class Diagnosis:
         fitted = np.nan if last.error_percent is None else last.error_percent
         both, n = np.hypot(fitted, stderr), int(counted.sum())
         chance = _CHANCE_SIGMA * fitted * stderr / (np.sqrt(n) * both**2)
-        if fresh > (CONFIRMED + chance) * both:
+        if fresh > (_CONFIRMED + chance) * both:
             doubt = Doubt(
                 reason=DoubtReason.NOT_CONFIRMED, named=verdict.effects,
                 fitted_percent=fitted, rendered_percent=fresh,

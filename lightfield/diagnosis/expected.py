@@ -13,7 +13,7 @@ from lightfield.diagnosis.verdict.speech import in_unit, join
 from lightfield.fitting.curves import field_of, is_amplitude
 
 #: Chances from which on an effect "would be certain", and up to which it would not. Chosen.
-LIKELY, UNLIKELY = 0.9, 0.1
+LIKELY, _UNLIKELY = 0.9, 0.1
 #: Amplitudes of a curve that are told one by one, at most. Chosen: words alone.
 _LONG = 5
 HEAD = ("effect", "sigma", "gap", "certain", "named", "why", "at which size")
@@ -22,7 +22,7 @@ ABOUT = (
     f"more, in chi-square: {NAMED_GAP:g} beyond its noise, and it is named. certain, named: the chance",
     "that it would be certain; that it would be certain or the simplest explanation.",
 )
-CURVES = (
+_CURVES = (
     "Sizes of a curve are amplitudes of its functions, as rms of the logarithm of light, the finest last.",
     "It is one curve of many: another one may leave less to know of the others.",
 )
@@ -67,7 +67,7 @@ class Expected:
             return Outlook.SIMPLEST
         if self.gap <= 0:
             return Outlook.NOT_SEEN
-        return Outlook.PERHAPS if self.named > UNLIKELY else Outlook.NO
+        return Outlook.PERHAPS if self.named > _UNLIKELY else Outlook.NO
 
     def in_words(self, whole: Sequence[str]) -> str:
         """Would it be certain, and what stands in the way?"""
@@ -120,7 +120,7 @@ class Together:
     def about_curves(self) -> tuple[str, ...]:
         """What a reader has to know of the curves that were asked about."""
         curved = any(is_amplitude(path) for one in self.expected for path in one.values)
-        return CURVES if curved else ()
+        return _CURVES if curved else ()
 
     def sizes(self, one: Expected) -> str:
         """Parameters with units; of a long curve the first three amplitudes and the last."""

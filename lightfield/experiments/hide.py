@@ -29,10 +29,10 @@ from lightfield.storage.files import write_text
 #: A hidden effect is this many times its typical size, log-uniform.
 STRENGTH = (2.0, 20.0)
 #: The scene's half width and absorption are wrong by this much.
-GUESS = (0.10, 0.25)
+_GUESS = (0.10, 0.25)
 #: Radius of the lamp's window in the truth, unless the scene has one; in a small tank this part of the
 #: distance to the nearest plane.
-WINDOW_M, WINDOW_PART = 0.02, 0.005
+_WINDOW_M, WINDOW_PART = 0.02, 0.005
 #: What the truth says of places that were given.
 TABLE = "table"
 #: Files of a riddle; the last tells that the others are one.
@@ -251,7 +251,7 @@ def _only_hidden(scene: Scene, values: Mapping[str, float], names: Sequence[str]
 
 def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator) -> Scene:
     """The scene as it is: guesses wrong by 10 to 25 %, a finite window, and the hidden values."""
-    wrong = 1 + rng.choice([-1, 1], 2) * rng.uniform(*GUESS, 2)
+    wrong = 1 + rng.choice([-1, 1], 2) * rng.uniform(*_GUESS, 2)
     if scene.water.absorption_per_m < 0:  # clearer than the base: clearer still may be less than nothing
         wrong[1] = min(wrong[1], 1 / wrong[1])
     changed: dict[str, Any] = {
@@ -259,7 +259,7 @@ def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator
         "water.absorption_per_m": scene.water.absorption_per_m * float(wrong[1]),
     }
     if scene.lamp.radius_m == 0:
-        changed["lamp.radius_m"] = min(WINDOW_M, WINDOW_PART * scene.detector.distances_m[0])
+        changed["lamp.radius_m"] = min(_WINDOW_M, WINDOW_PART * scene.detector.distances_m[0])
     return scene.with_values({**changed, **values})
 
 

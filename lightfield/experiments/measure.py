@@ -23,9 +23,9 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 #: Samples that a standard error is estimated from.
 SAMPLES = 40
 #: Read noise over the largest reading.
-FLOOR = 0.0008
+_FLOOR = 0.0008
 #: Error of the render as a part of the noise: readings shall scatter by their noise.
-ERROR_OF_NOISE = 0.25
+_ERROR_OF_NOISE = 0.25
 #: Part of the readings at which the render may err by more than the noise: as of the cells of a render, whose
 #: error is that of 95 in a hundred.
 _SELDOM = 0.05
@@ -57,7 +57,7 @@ class Instrument:
 
     def sigma(self, shown: Array) -> Array:
         """Standard error of readings next to 1, shape (n,)."""
-        return np.hypot(self.noise * shown, FLOOR)
+        return np.hypot(self.noise * shown, _FLOOR)
 
     def stated(self, readings: Readings) -> Readings:
         """The readings with the errors of planes and positions in their error budget."""
@@ -142,7 +142,7 @@ def rendered(
         truth,
         table,
         seed=int(rng.integers(1, 1_000_000)),
-        rel_error=ERROR_OF_NOISE * noise,
+        rel_error=_ERROR_OF_NOISE * noise,
         max_photons=max_photons,
         symmetry=True,
     )

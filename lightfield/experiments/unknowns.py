@@ -60,7 +60,7 @@ def _kink(layout: Layout, rng: np.random.Generator) -> Drawn:
     return np.exp(-slope * beyond), {"slope_per_deg": slope, "angle_deg": at}
 
 
-KINDS: Mapping[str, Callable[[Layout, np.random.Generator], Drawn]] = {
+_KINDS: Mapping[str, Callable[[Layout, np.random.Generator], Drawn]] = {
     "ripple": _ripple,
     "flicker": _flicker,
     "shadow": _shadow,
@@ -77,8 +77,8 @@ def draw(name: str, layout: Layout, rng: np.random.Generator) -> Drawn:
         No such influence.
     """
     kind = name.removeprefix(PREFIX)
-    if kind not in KINDS:
+    if kind not in _KINDS:
         raise UsageError(
-            "unknown kind of unknown", found=name, rule="one of " + ", ".join(PREFIX + k for k in KINDS)
+            "unknown kind of unknown", found=name, rule="one of " + ", ".join(PREFIX + k for k in _KINDS)
         )
-    return KINDS[kind](layout, rng)
+    return _KINDS[kind](layout, rng)

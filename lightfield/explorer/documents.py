@@ -26,7 +26,7 @@ from lightfield.version import __version__
 
 #: A session: scene, readings and states.
 SESSION = FileKind("session", 60 * MEGABYTE, UsageError)
-FORMAT = "lightfield session 1"
+_FORMAT = "lightfield session 1"
 #: Letters that say what led to a state, at most: a session that is saved can be opened.
 _MOST_WORDS = 500
 #: Digits of residuals: more than any instrument has.
@@ -89,7 +89,7 @@ def session_json(session: Session) -> str:
 
     return json.dumps(
         {
-            "format": FORMAT,
+            "format": _FORMAT,
             "version": __version__,
             "scene": session.scene.to_toml(),
             "readings": None if session.readings is None else dumps(session.readings),

@@ -35,11 +35,11 @@ from lightfield.scene.parameters import Parameter
 
 #: Without readings the model is asked for the render at every so many places of a map, to so many per cent of
 #: the light and of the plane's brightest. Chosen: what a careful measurement tells.
-EVERY, PERCENT, FLOOR_PERCENT = 5, 1.0, 0.1
+_EVERY, PERCENT, _FLOOR_PERCENT = 5, 1.0, 0.1
 #: And in so many bands at most, of more of them spread evenly. Chosen: they are readings by the thousand.
 MOST_BANDS = 9
 #: Part of the photons of a fit that a trace for the maps is worth: they are looked at, not fitted to.
-MAP_SHARE = 0.35
+_MAP_SHARE = 0.35
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +191,7 @@ def _against_render(
     light = whole.predict(stated)
     band = whole.light.diffuse.channels[1]
     maps = tuple(whole.subset(band == k) for k in range(band.max() + 1))
-    some = places.some(np.arange(SIDE) % EVERY == (SIDE // 2) % EVERY)
+    some = places.some(np.arange(SIDE) % _EVERY == (SIDE // 2) % _EVERY)
     rows = np.tile(some, len(maps))
     scale = 1.0 / float(light.max())
     # Band by band: what their errors share does not count here, and would be worked out for minutes.
@@ -199,7 +199,7 @@ def _against_render(
     value = scale * light[rows]
     by_plane = value.reshape(len(maps) * len(places.z_m), -1)
     top = np.repeat(by_plane.max(axis=1), by_plane.shape[1])
-    sigma = np.sqrt(own**2 + (PERCENT / 100 * value) ** 2 + (FLOOR_PERCENT / 100 * top) ** 2)
+    sigma = np.sqrt(own**2 + (PERCENT / 100 * value) ** 2 + (_FLOOR_PERCENT / 100 * top) ** 2)
     columns = {name: column[rows] for name, column in columns.items()}
     seen = Readings.from_arrays(value=value, stderr=sigma, **columns).check_against(scene)
     light_source = whole.light.subset(rows)
@@ -235,7 +235,7 @@ def _in_bands(scene: Scene, places: MapPlaces) -> dict[str, NDArray[np.generic]]
 def _at_maps(forward: SceneForward, places: MapPlaces) -> tuple[SceneForward, ...]:
     n = len(places.columns["z_m"])
     return tuple(
-        forward.at(MAP_SHARE, **places.columns, wavelength_nm=np.full(n, w))
+        forward.at(_MAP_SHARE, **places.columns, wavelength_nm=np.full(n, w))
         for w in forward.light.diffuse.channels[0]
     )
 

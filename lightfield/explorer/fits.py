@@ -22,7 +22,7 @@ _STARTS = (1.0, 10.0, -3.0)
 #: Sets whose fits are kept, the last ones.
 _KEPT = 1000
 #: Shapes of an effect that a fit starts from, at most.
-MOST_SHAPES = 12
+_MOST_SHAPES = 12
 #: What a fit may leave of chi-square.
 _LEFT = 1e-5
 
@@ -110,7 +110,7 @@ class Fits:
             base = self._begun(model)
             starts = [problem.default_start(base, chosen, size) for size in _STARTS]
             first = starts[0]  # and with other shapes of the last effect
-            starts += [np.r_[first[: len(first) - len(at)], at] for at in chosen[-1].grid[1:MOST_SHAPES]]
+            starts += [np.r_[first[: len(first) - len(at)], at] for at in chosen[-1].grid[1:_MOST_SHAPES]]
             if len(keys) > 1 and (before := self.known(keys[:-1])) is not None:
                 starts.append(_start(model, before.values))
         fits = []

@@ -21,7 +21,7 @@ from lightfield.explorer.session import Session
 from lightfield.explorer.state import History
 
 #: Requests that wait, of all browsers, at most. Chosen.
-MOST_WAITING = 1000
+_MOST_WAITING = 1000
 #: The survey of effects is sent after every so many.
 _SENT_EVERY = 4
 #: Seconds of rest after which the errors of the shown map are worked out: they take half a second.
@@ -89,7 +89,7 @@ class Hub:
         """A page asks for something; what cannot be understood is answered at once."""
         try:
             request = protocol.read_request(message)
-            if len(self._waiting) >= MOST_WAITING:
+            if len(self._waiting) >= _MOST_WAITING:
                 raise UsageError("too many requests wait", found=len(self._waiting), remedy="ask again later")
             if not self.ready:
                 found = self.doing.stage if self.doing else self.failed

@@ -21,7 +21,7 @@ from lightfield.scene.own.own_effect import Name, Stage
 
 #: A request is at most so many bytes; one that brings a file, so many. Chosen: a reading table of 20 000 rows
 #: has two megabytes.
-MOST_BYTES, MOST_FILE_BYTES = 100_000, 10_000_000
+_MOST_BYTES, MOST_FILE_BYTES = 100_000, 10_000_000
 #: Numbers that are set at once, files that are dropped at once.
 _MOST_VALUES, _MOST_FILES = 100, 200
 
@@ -140,8 +140,8 @@ def read_request(message: str | bytes) -> Request:
         given = json.loads(message, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise UsageError("not a request", found=message[:60], rule="JSON text") from error
-    if not (isinstance(given, dict) and given.get("do") == "drop") and len(message) > MOST_BYTES:
-        raise UsageError("a request is too large", found=len(message), rule=f"at most {MOST_BYTES} bytes")
+    if not (isinstance(given, dict) and given.get("do") == "drop") and len(message) > _MOST_BYTES:
+        raise UsageError("a request is too large", found=len(message), rule=f"at most {_MOST_BYTES} bytes")
     try:
         return _ADAPTER.validate_python(given)
     except ValidationError as error:

@@ -20,9 +20,9 @@ from lightfield.explorer.protocol import MOST_FILE_BYTES
 from lightfield.explorer.session import Session
 from lightfield.explorer.state import History
 
-PAGE = Path(__file__).parent / "page"
+_PAGE = Path(__file__).parent / "page"
 #: Files of the page, by the name under which they are asked for: nothing else is served.
-FILES = {
+_FILES = {
     "explorer.css": "text/css",
     "values.js": "text/javascript",
     "plots.js": "text/javascript",
@@ -30,7 +30,7 @@ FILES = {
     "panels.js": "text/javascript",
     "live.js": "text/javascript",
 }
-ADDRESS = "127.0.0.1"
+_ADDRESS = "127.0.0.1"
 #: Seconds between signs of life on a connection, and bytes of a request that is no file at most.
 _PING_S, _MOST_BODY = 20, 1000
 #: Escapes in a dropped file's JSON: at most so many bytes for one.
@@ -47,10 +47,10 @@ class Gate:
     """
 
     def __init__(self, port: int) -> None:
-        self.hosts = {f"{ADDRESS}:{port}", f"localhost:{port}"}
+        self.hosts = {f"{_ADDRESS}:{port}", f"localhost:{port}"}
         self.token: str | None = secrets.token_urlsafe(24)
         self._key, self.cookie = secrets.token_urlsafe(24), f"lightfield-{port}"
-        self.address = f"http://{ADDRESS}:{port}/?token={self.token}"
+        self.address = f"http://{_ADDRESS}:{port}/?token={self.token}"
 
     def exchange(self, token: str) -> str | None:
         """What the cookie holds, for the right token; it is worth nothing afterwards."""
@@ -129,15 +129,15 @@ class _Page(_Guarded):
             self.redirect("/", status=303)  # the token does not stay in the address
             return
         self.set_header("Content-Type", "text/html; charset=utf-8")
-        self.finish((PAGE / "index.html").read_bytes())
+        self.finish((_PAGE / "index.html").read_bytes())
 
 
 class _File(_Guarded):
     def get(self, name: str) -> None:
-        if name not in FILES:
+        if name not in _FILES:
             raise tornado.web.HTTPError(404)
-        self.set_header("Content-Type", f"{FILES[name]}; charset=utf-8")
-        self.finish((PAGE / name).read_bytes())
+        self.set_header("Content-Type", f"{_FILES[name]}; charset=utf-8")
+        self.finish((_PAGE / name).read_bytes())
 
 
 class _Document(_Guarded):
@@ -201,7 +201,7 @@ async def serve(
     opened : callable
         Gets the address, once it can be opened, and not where scene and readings do not go together.
     """
-    sockets = tornado.netutil.bind_sockets(0, ADDRESS)
+    sockets = tornado.netutil.bind_sockets(0, _ADDRESS)
     gate, hub = Gate(sockets[0].getsockname()[1]), Hub(session, history)
     given = {"gate": gate, "hub": hub}
     app = tornado.web.Application(

@@ -52,7 +52,7 @@ FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, HALO, PLANES, BACKGROUND
 #: 136, 17 in chi-square; lamps of `benchmarks/many_effects`); K(z) at five distances has three, and hardly
 #: more are told apart at fifteen; six are a lamp's warm-up and a step. Eight follow the colour of a filter or
 #: of pigments 50 nm apart. Planes have a gain each, or are not asked.
-MOST = {PROFILE: 19, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, PLANES: 30, BACKGROUND: 8}
+_MOST = {PROFILE: 19, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, PLANES: 30, BACKGROUND: 8}
 #: Readings that a plane has, in the mean, where its gain is asked for: fewer are all that a gain
 #: is made of. Chosen.
 _EACH = 3
@@ -277,7 +277,7 @@ class Curves:
         z = np.asarray(self.readings.z_m, float)
         place = np.unique(np.round(z, LINE_DECIMALS))
         used = int((self.weight > 0).sum())
-        if not 2 < len(place) <= MOST[PLANES] + 2 or used < _EACH * len(place):
+        if not 2 < len(place) <= _MOST[PLANES] + 2 or used < _EACH * len(place):
             return None
         smooth = [np.ones(len(place)), place - place.mean()]
         found = self._basis(PLANES, Family(place, np.eye(len(place)), smooth, 2), z, value_at)
@@ -292,4 +292,4 @@ class Curves:
         acts: Callable[[Nodes, Array], Array],
         gains: NDArray[np.int_] | None = None,
     ) -> Basis | None:
-        return basis_of(field, family, at, self.weight, acts, MOST[field], gains)
+        return basis_of(field, family, at, self.weight, acts, _MOST[field], gains)

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 #: water that goes from b = 0.3 per m to 0.01. Where nothing settles light goes nearly as the straight line
 #: takes it, and two are right to 2e-4 where absorption changes by 0.1 per m; reflected light has longer ways:
 #: three are right to 6e-4 where they are half as long again (tests/physics/found/test_ageing_water.py).
-MOMENTS, MOMENTS_OF_REFLECTED, FEWEST_MOMENTS = 4, 3, 2
+_MOMENTS, _MOMENTS_OF_REFLECTED, _FEWEST_MOMENTS = 4, 3, 2
 #: Traces that an experiment remembers: in clear and in denser water, of a part of the photons and of all, of
 #: four tables. Chosen: so that the memory of a long session has an end.
 _TRACES = 16
@@ -274,5 +274,5 @@ class DiffuseLight:
 def _moments(scene: Scene) -> int:
     """Of how many moments light is asked for."""
     if scene.water.settling_per_m:
-        return MOMENTS
-    return MOMENTS_OF_REFLECTED if any(scene.reflectances) else FEWEST_MOMENTS
+        return _MOMENTS
+    return _MOMENTS_OF_REFLECTED if any(scene.reflectances) else _FEWEST_MOMENTS

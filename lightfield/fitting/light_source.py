@@ -42,7 +42,7 @@ _UNKNOWN, _MOST_UNKNOWN = 0.2, 0.5
 #: A table whose last intensity is more than this part of its largest ends before the beam does (chosen).
 _DARK = 1e-3
 #: How far places that are read lag behind.
-LAG = "detector.lag_m"
+_LAG = "detector.lag_m"
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ class LightSource:
         """
         optical = self._optical_paths(tuple(values))
         return np.asarray(
-            self._about(tuple((p, values[p]) for p in optical if p != LAG))[1:] * self.correction
+            self._about(tuple((p, values[p]) for p in optical if p != _LAG))[1:] * self.correction
         )
 
     def errors(self, values: Mapping[str, float]) -> tuple[Array, Array]:
@@ -239,7 +239,7 @@ class LightSource:
         """Scattered and reflected light, shape (n,), where the places that are read lag behind."""
         if self.motion is None or not scene.detector.lag_m:
             return self.diffuse.light(scene)
-        rest, *slopes = self._about(tuple(one for one in optical if one[0] != LAG))
+        rest, *slopes = self._about(tuple(one for one in optical if one[0] != _LAG))
         return np.asarray(rest - scene.detector.lag_m * (self.motion.way * slopes).sum(axis=0))
 
     @cached_property

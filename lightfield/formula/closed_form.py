@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from lightfield.scene import Lamp, Scene
 
 #: The distance that the paper relates its readings to, r0, m.
-PAPER_FROM_M = 4.5
+_PAPER_FROM_M = 4.5
 # Disc quadrature of degree 5 (Stroud 1971, S2: 5-1): a finite window as seven points.
 _TURN = np.arange(6) * (math.pi / 3)
-DISC = [
+_DISC = [
     (0.0, 0.0, 0.25),
     *((math.sqrt(2 / 3) * math.cos(t), math.sqrt(2 / 3) * math.sin(t), 0.125) for t in _TURN),
 ]
@@ -202,7 +202,7 @@ def _points(lamp: Lamp, z_m: ArrayLike, detector: Detector | None) -> list[tuple
         elif seen > _WHOLLY * math.tan(math.radians(0.5 * detector.full_angle_deg)):
             # The edge of what it sees may cut the window anywhere.
             return _spread_evenly(_CUT)
-    return DISC if wide <= _SEVEN else _rings(min(math.ceil(_RINGS * wide) + 1, _MOST_RINGS))
+    return _DISC if wide <= _SEVEN else _rings(min(math.ceil(_RINGS * wide) + 1, _MOST_RINGS))
 
 
 @cache
@@ -354,4 +354,4 @@ def paper_model(
     """
     r, theta = np.asarray(r_m, dtype=float), np.asarray(theta_rad, dtype=float)
     beam = np.exp(-LN2 * (theta / math.radians(hwhm_deg)) ** 2)
-    return np.asarray((PAPER_FROM_M / r) ** 2 * np.exp(-attenuation_per_m * (r - PAPER_FROM_M)) * beam)
+    return np.asarray((_PAPER_FROM_M / r) ** 2 * np.exp(-attenuation_per_m * (r - _PAPER_FROM_M)) * beam)

@@ -16,7 +16,7 @@ from lightfield.scene.lamp.frame import is_ahead
 
 #: Step of numerical derivatives, m: light changes over decimetres, so the relative error is about
 #: (step / length)^2 = 1e-6.
-STEP_M = 1e-4
+_STEP_M = 1e-4
 
 
 def direct_flux(scene: Scene, place_m: Array) -> Array:
@@ -94,7 +94,7 @@ def flux_and_slopes(scene: Scene, place_m: Array) -> tuple[Array, Array]:
 
 def by_place(values: Callable[[Array], Array], place_m: Array) -> Array:
     """Slopes by x, y and z of values of shape (n, k) at places of shape (n, 3), shape (n, k, 3)."""
-    step = STEP_M * np.eye(3)[:, None]
+    step = _STEP_M * np.eye(3)[:, None]
     around = np.concatenate([place_m + step, place_m - step])  # [6, n, 3]
     found = values(around.reshape(-1, 3)).reshape(2, 3, len(place_m), -1)
-    return np.asarray(((found[0] - found[1]) / (2 * STEP_M)).transpose(1, 2, 0))
+    return np.asarray(((found[0] - found[1]) / (2 * _STEP_M)).transpose(1, 2, 0))

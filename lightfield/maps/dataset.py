@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 #: First bytes of HDF5, and so of NetCDF-4.
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
-PARTS = ("direct", "diffuse")
+_DIMS = ("wavelength_nm", "z_m", "y_m", "x_m")
+_PARTS = ("direct", "diffuse")
 #: Of the metadata of every file (Climate and Forecast).
 CONVENTIONS = "CF-1.11"
 #: Coordinates of a place, in m, in words.
@@ -82,9 +82,9 @@ def to_dataset(rendering: Rendering | AtPlaces, wavelengths_nm: Array | None = N
     )
     data: dict[str, tuple[tuple[str, ...], Array, dict[str, str]]] = {}
     inside = getattr(traced.grid, "inside", None)
-    cut = dims == DIMS and inside is not None and bool(np.any(inside < 1))
+    cut = dims == _DIMS and inside is not None and bool(np.any(inside < 1))
     outside = {"comment": "NaN: cells that are not all in the tank"} if cut else {}
-    for part in ("all", *PARTS):
+    for part in ("all", *_PARTS):
         name = quantity if part == "all" else f"{quantity}_{part}"
         mean, stderr = rendering.maps(wavelengths_nm, part=part)
         if part == "diffuse" and neutral(rendering.scene, DIFFUSE) and not np.nan_to_num(mean).any():
@@ -121,7 +121,7 @@ def _places(rendering: Rendering | AtPlaces) -> tuple[tuple[str, ...], dict[str,
         )
         for name, words in PLACE.items()
     }
-    return (DIMS[0], "position") if single else DIMS, coords
+    return (_DIMS[0], "position") if single else _DIMS, coords
 
 
 def scene_attributes(scene: Scene, title: str = "light field of an underwater lamp") -> dict[str, Attribute]:
@@ -231,8 +231,8 @@ def lacking(dataset: xr.Dataset) -> str | None:
         return f"needs one of {', '.join(QUANTITIES)}, and the attribute `quantity` that names it"
     if f"{quantity}_stderr" not in dataset or "scene_toml" not in dataset.attrs:
         return f"needs {quantity}_stderr and the attribute scene_toml"
-    if dataset[quantity].dims not in (DIMS, (DIMS[0], "position")):
-        return f"needs {quantity} over {', '.join(DIMS)}, or over {DIMS[0]} and position"
+    if dataset[quantity].dims not in (_DIMS, (_DIMS[0], "position")):
+        return f"needs {quantity} over {', '.join(_DIMS)}, or over {_DIMS[0]} and position"
     return None
 
 

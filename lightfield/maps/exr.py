@@ -30,10 +30,10 @@ from lightfield.maps.colour import CHROMATICITIES, linear_rgb
 from lightfield.storage.files import MAKE_ROOM, atomic_path
 
 Attribute = str | int | float
-LAYOUT_VERSION = "1.0"
-ERROR_LAYER, COMMON_LAYER = "stderr.", "common."
-OURS = "lightfield."
-ORIENTATION = "seen from behind the plane towards the lamp (-z): first row is +y, columns run with +x"
+_LAYOUT_VERSION = "1.0"
+_ERROR_LAYER, _COMMON_LAYER = "stderr.", "common."
+_OURS = "lightfield."
+_ORIENTATION = "seen from behind the plane towards the lamp (-z): first row is +y, columns run with +x"
 #: Digits of a distance in m.
 _MILLIMETRE, _FINEST = 3, 16
 _CHANNEL = re.compile(r"^(stderr\.)?S0\.(\d+(?:,\d+)?)nm$")
@@ -112,13 +112,13 @@ def write_spectral_exr(path: str | os.PathLike[str], image: SpectralImage) -> Pa
     for index, name in enumerate("RGB"):
         channels[name] = _to_file(preview[..., index] / scale)
         if image.common_scale:
-            channels[COMMON_LAYER + name] = _to_file(preview[..., index] / image.common_scale)
+            channels[_COMMON_LAYER + name] = _to_file(preview[..., index] / image.common_scale)
     for index, wavelength in enumerate(image.wavelength_nm):
         name = channel_name(wavelength)
         channels[name] = _to_file(image.value[index])
         if image.stderr is not None:
-            channels[ERROR_LAYER + name] = _to_file(image.stderr[index])
-    return _written({**_header(image), OURS + "preview_scale": np.array([scale])}, channels, Path(path))
+            channels[_ERROR_LAYER + name] = _to_file(image.stderr[index])
+    return _written({**_header(image), _OURS + "preview_scale": np.array([scale])}, channels, Path(path))
 
 
 def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
@@ -156,8 +156,8 @@ def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
         )
     wavelengths = np.array(sorted(value))
     n_y, n_x = next(iter(value.values())).shape
-    size = np.asarray(header.get(OURS + "pixel_size_m", (1.0, 1.0)), dtype=float)
-    first = np.asarray(header.get(OURS + "first_pixel_m", (0.0, n_y - 1.0)), dtype=float)
+    size = np.asarray(header.get(_OURS + "pixel_size_m", (1.0, 1.0)), dtype=float)
+    first = np.asarray(header.get(_OURS + "first_pixel_m", (0.0, n_y - 1.0)), dtype=float)
     # Of an image that was cropped the window begins elsewhere than where the file says the first pixel is.
     first = first + np.asarray(header["dataWindow"][0]) * size * (1, -1)
     return SpectralImage(
@@ -166,13 +166,13 @@ def read_spectral_exr(path: str | os.PathLike[str]) -> SpectralImage:
         stderr=np.stack([stderr[w] for w in wavelengths]) if set(stderr) == set(value) else None,
         x_m=first[0] + size[0] * np.arange(n_x),
         y_m=first[1] - size[1] * np.arange(n_y)[::-1],
-        z_m=float(np.ravel(header.get(OURS + "plane_z_m", np.nan))[0]),
+        z_m=float(np.ravel(header.get(_OURS + "plane_z_m", np.nan))[0]),
         units=str(header.get("emissiveUnits", "")),
         response={
             w: _response(str(header[channel_name(w)])) for w in wavelengths if channel_name(w) in header
         },
         attributes=_attributes(header),
-        common_scale=float(header[OURS + "common_scale"][0]) if OURS + "common_scale" in header else None,
+        common_scale=float(header[_OURS + "common_scale"][0]) if _OURS + "common_scale" in header else None,
         plane_m=(float(size[0]) * n_x, float(size[1]) * n_y),
     )
 
@@ -206,7 +206,7 @@ def write_layers_exr(
     """
     header: dict[str, object] = {
         "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage,
-        "chromaticities": CHROMATICITIES, OURS + "orientation": ORIENTATION, **_ours(attributes),
+        "chromaticities": CHROMATICITIES, _OURS + "orientation": _ORIENTATION, **_ours(attributes),
     }  # fmt: skip
     if min(x_m.size, y_m.size) > 1:
         header |= _places(x_m, y_m, (1.0, 1.0))
@@ -233,14 +233,14 @@ def _header(image: SpectralImage) -> dict[str, object]:
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "chromaticities": CHROMATICITIES,
-        "spectralLayoutVersion": LAYOUT_VERSION,
+        "spectralLayoutVersion": _LAYOUT_VERSION,
         "emissiveUnits": image.units,
-        OURS + "plane_z_m": np.array([image.z_m]),
-        OURS + "orientation": ORIENTATION,
+        _OURS + "plane_z_m": np.array([image.z_m]),
+        _OURS + "orientation": _ORIENTATION,
         **_places(image.x_m, image.y_m, image.plane_m),
     }
     if image.common_scale:
-        header[OURS + "common_scale"] = np.array([image.common_scale])
+        header[_OURS + "common_scale"] = np.array([image.common_scale])
     for wavelength, (nodes, response) in image.response.items():
         header[channel_name(wavelength)] = response_text(nodes, response)
     return {**header, **_ours(image.attributes)}
@@ -251,8 +251,8 @@ def _places(x_m: Array, y_m: Array, plane_m: tuple[float, float]) -> dict[str, o
     size = [_spacing(centres, whole) for centres, whole in zip((x_m, y_m), plane_m, strict=True)]
     return {
         "pixelAspectRatio": size[0] / size[1] if min(size) > 0 else 1.0,
-        OURS + "pixel_size_m": np.array(size),
-        OURS + "first_pixel_m": np.array([x_m[0], y_m[-1]]),
+        _OURS + "pixel_size_m": np.array(size),
+        _OURS + "first_pixel_m": np.array([x_m[0], y_m[-1]]),
     }
 
 
@@ -262,7 +262,7 @@ def _ours(attributes: Mapping[str, Attribute]) -> dict[str, object]:
     for name, attribute in attributes.items():
         # Numbers as doubles and long integers as text: EXR's own int and float have 32 bits.
         small = isinstance(attribute, int) and abs(attribute) < 2**31
-        header[OURS + name] = (
+        header[_OURS + name] = (
             np.array([attribute]) if isinstance(attribute, float) else attribute if small else str(attribute)
         )
     return header
@@ -272,8 +272,8 @@ def _attributes(header: Mapping[str, Any]) -> dict[str, Attribute]:
     own = {"plane_z_m", "pixel_size_m", "first_pixel_m", "orientation", "preview_scale", "common_scale"}
     found: dict[str, Attribute] = {}
     for key, attribute in header.items():
-        name = key.removeprefix(OURS)
-        if key.startswith(OURS) and name not in own:
+        name = key.removeprefix(_OURS)
+        if key.startswith(_OURS) and name not in own:
             number = isinstance(attribute, np.ndarray)
             found[name] = float(attribute[0]) if number else attribute
     return found
@@ -318,7 +318,7 @@ def _to_file(rows_upwards: ArrayLike) -> NDArray[np.float32]:
 
 
 #: What the numbers of a picture are.
-PICTURE_UNITS = "relative radiance x lightfield.exposure; 1 is white"
+_PICTURE_UNITS = "relative radiance x lightfield.exposure; 1 is white"
 
 
 def write_rgb_exr(
@@ -330,7 +330,7 @@ def write_rgb_exr(
         "type": OpenEXR.scanlineimage,
         "comments": "; ".join(notes),
         "chromaticities": CHROMATICITIES,
-        **_ours({"exposure": float(factor), "units": PICTURE_UNITS, **attributes}),
+        **_ours({"exposure": float(factor), "units": _PICTURE_UNITS, **attributes}),
     }
     channels = {"RGB": np.ascontiguousarray(rgb * factor, np.float32)}
     return _written(header, channels, beside.with_suffix(".exr"))

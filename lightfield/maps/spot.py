@@ -11,7 +11,7 @@ from skimage.measure import find_contours
 
 from lightfield.arrays import Array
 
-REPLICATES = 24  # of the noise, for the standard errors: their own error is 15 %
+_REPLICATES = 24  # of the noise, for the standard errors: their own error is 15 %
 # Parts of the maximum above which log E is taken for a quadratic form: the highest that has pixels enough.
 PARTS_OF_PEAK, ENOUGH_PIXELS = (0.95, 0.9, 0.85, 0.8, 0.7), 40
 
@@ -79,7 +79,8 @@ def spot_shape(value: Array, x_m: Array, y_m: Array, stderr: Array | None = None
         rng = np.random.default_rng(seed)
         noise = np.where(np.isfinite(stderr), stderr, 0.0)
         runs = [
-            _measure(value + noise * rng.standard_normal(value.shape), x_m, y_m)[0] for _ in range(REPLICATES)
+            _measure(value + noise * rng.standard_normal(value.shape), x_m, y_m)[0]
+            for _ in range(_REPLICATES)
         ]
         table = np.array([[*run, run[4] / run[3], np.sqrt(run[3] * run[4])] for run in runs])
         names = ("peak", "centre_x_m", "centre_y_m", "hwhm_x_m", "hwhm_y_m", "ellipticity", "hwhm_m")

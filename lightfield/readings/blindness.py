@@ -13,7 +13,7 @@ from lightfield.readings.unchecked import Unchecked
 #: One of so many readings is among the brightest.
 _BRIGHTEST = 10
 #: Amplitude and attenuation take two of them, a third effect of distance leaves nothing to check.
-FEWEST_PLANES = 4
+_FEWEST_PLANES = 4
 #: So many readings that are exactly 0 are no chance. Chosen: one may be a place in the dark, or a slip.
 _ZEROS = 3
 
@@ -31,7 +31,7 @@ def load_warnings(readings: Unchecked) -> tuple[LoadWarning, ...]:
         counts = {"saturated": int(readings.saturated.sum()), "readings": len(readings)}
         found.append(LoadWarning(Remarks.SATURATED, counts))
     planes = np.unique(_place(z)).size
-    if planes < FEWEST_PLANES:
+    if planes < _FEWEST_PLANES:
         found.append(LoadWarning(Remarks.FEW_PLANES, {"planes": planes}))
     if not x.any() and not y.any():
         found.append(LoadWarning(Remarks.ON_AXIS_ONLY))

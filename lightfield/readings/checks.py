@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 #: No lamp is read from farther away: positions beyond were not given in metres.
 FARTHEST_M = 300.0
 #: No unit makes light so large a number; squares of much larger ones overflow.
-LARGEST = 1e30
+_LARGEST = 1e30
 Given = TypeVar("Given", bound=Unchecked)
 _LOGARITHMIC = re.compile(r"\bdB[A-Za-z]*\b")
 #: Instruments tell apart a millionth of full scale at best; one value so far beyond all others is a slip.
-LARGEST_STEP = 1e9
+_LARGEST_STEP = 1e9
 #: And the least of a reading's error, of the largest reading: below it squares come to nothing.
-SMALLEST_ERROR = 1e-12
+_SMALLEST_ERROR = 1e-12
 #: A part may be larger than the whole by what a table's digits leave open.
 _ROUNDED = 1e-3
 #: A campaign of four months, no clock's seconds since 1970: what drifts counts from zero. And a warm-up seen
 #: from long before zero is beyond any number.
-EARLIEST_S, LATEST_S = -1e5, 1e7
+_EARLIEST_S, _LATEST_S = -1e5, 1e7
 
 
 def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
@@ -70,13 +70,13 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
             "give positions in metres: millimetres over 1000, centimetres over 100",
         )
     for name in ("value", "stderr"):
-        large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > LARGEST)
-        refuse(large, name, "is too large for light in any unit", f"at most {LARGEST:g}")
+        large = np.isfinite(getattr(readings, name)) & (np.abs(getattr(readings, name)) > _LARGEST)
+        refuse(large, name, "is too large for light in any unit", f"at most {_LARGEST:g}")
     refuse(
-        (readings.time_s < EARLIEST_S) | (readings.time_s > LATEST_S),
+        (readings.time_s < _EARLIEST_S) | (readings.time_s > _LATEST_S),
         "time_s",
         "is impossible",
-        f"{EARLIEST_S:g} to {LATEST_S:g} s",
+        f"{_EARLIEST_S:g} to {_LATEST_S:g} s",
         "count seconds from when the lamp was switched on, not milliseconds, not from 1970",
     )
     refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
@@ -248,7 +248,7 @@ def _check_linear(readings: Unchecked, noted: Problems) -> None:
             "readings in decibels", place=noted.head.get("units"), found=readings.units,
             rule="light in linear units", remedy="turn them into linear values first: 10^(value / 10)",
         )  # fmt: skip
-    value = readings.value[np.isfinite(readings.value) & (np.abs(readings.value) <= LARGEST)]
+    value = readings.value[np.isfinite(readings.value) & (np.abs(readings.value) <= _LARGEST)]
     negative = value < 0
     if -value[negative].sum() > value[~negative].sum():
         noted.add(
@@ -263,15 +263,15 @@ def _check_slips(readings: Unchecked, refuse: Callable[..., None]) -> None:
     """One number that is out of all proportion would drown all others in a fit."""
     size = np.where(np.isfinite(readings.value), np.abs(readings.value), 0.0)
     next_largest = np.sort(size)[-2] if len(size) > 2 else 0.0
-    beyond = (next_largest > 0) & (size > LARGEST_STEP * next_largest) & (size <= LARGEST)
+    beyond = (next_largest > 0) & (size > _LARGEST_STEP * next_largest) & (size <= _LARGEST)
     refuse(
-        beyond, "value", "is beyond all others", f"at most {LARGEST_STEP:g} times the next largest",
+        beyond, "value", "is beyond all others", f"at most {_LARGEST_STEP:g} times the next largest",
         "correct it, or remove the row",
     )  # fmt: skip
-    sure = (readings.stderr > 0) & (readings.stderr < SMALLEST_ERROR * np.max(size, initial=0.0))
+    sure = (readings.stderr > 0) & (readings.stderr < _SMALLEST_ERROR * np.max(size, initial=0.0))
     refuse(
         sure, "stderr", "is smaller than any instrument's",
-        f"at least {SMALLEST_ERROR:g} of the largest reading", "leave it blank when it is not known",
+        f"at least {_SMALLEST_ERROR:g} of the largest reading", "leave it blank when it is not known",
     )  # fmt: skip
 
 

@@ -7,7 +7,9 @@ from typing import Any, NoReturn
 
 from lightfield.errors import Complaint, MeasurementError
 
-ALONE = 5  # so many problems of one kind are listed one by one; more share a line that names all their places
+_ALONE = (
+    5  # so many problems of one kind are listed one by one; more share a line that names all their places
+)
 
 
 @dataclass
@@ -70,7 +72,7 @@ class Problems:
         out = []
         for group in kinds.values():
             every = tuple(line for one in group for line in one.lines)
-            out += [replace(group[0], lines=every)] if len(group) > ALONE else group
+            out += [replace(group[0], lines=every)] if len(group) > _ALONE else group
         return out
 
     def raise_any(self, what: str = "not a usable reading table") -> None:

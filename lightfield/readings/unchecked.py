@@ -15,7 +15,7 @@ from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.load_warning import LoadWarning
 
 #: Entry of a table's head: `lightfield import` writes it.
-BANDS = "bands_nm"
+_BANDS = "bands_nm"
 #: A reading is that of a band whose middle its wavelength is, to so many nm.
 _SAME_NM = 0.011
 
@@ -109,7 +109,7 @@ def bands_of(readings: Unchecked, wavelengths_nm: Array) -> list[tuple[float, fl
     MeasurementError
         Bands in the head that are none.
     """
-    stated = readings.metadata.get(BANDS, [])
+    stated = readings.metadata.get(_BANDS, [])
     bands = [_band(readings, row) for row in (stated if isinstance(stated, list) else [stated])]
     return [next((b for b in bands if abs(0.5 * sum(b) - w) < _SAME_NM), None) for w in wavelengths_nm]
 
@@ -122,6 +122,6 @@ def _band(readings: Unchecked, row: Any) -> tuple[float, float]:
     if not 0 < low < high < np.inf:
         raise MeasurementError(
             "a band that was read makes no sense", where=readings.source or None,
-            found=f"{BANDS}: {row}", rule="[from nm, to nm]", remedy="correct the head",
+            found=f"{_BANDS}: {row}", rule="[from nm, to nm]", remedy="correct the head",
         )  # fmt: skip
     return low, high

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-COUNTS = ("counts", "counts/s")
+_COUNTS = ("counts", "counts/s")
 RELATIVE = "relative"
 
 SI = {
@@ -56,7 +56,7 @@ def canonical(text: str) -> str:
 
 def is_absolute(text: str) -> bool:
     """Is this (canonical) unit one of power, not of counts?"""
-    return text not in (*COUNTS, RELATIVE)
+    return text not in (*_COUNTS, RELATIVE)
 
 
 def stated(text: str) -> str:

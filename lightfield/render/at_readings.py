@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 #: Largest cell around a reading.
 CELL_M = 0.1
 #: Moments at which changing water is evaluated; between them nothing of the light is lost.
-MOMENTS = 8
+_MOMENTS = 8
 
 
 def rendered_light(
@@ -125,7 +125,7 @@ def _moments(rendering: Rendering, time: Array, straight_m: Array) -> list[tuple
     scene = rendering.scene
     if not ages(scene.water):
         return [(rendering, 1.0)]
-    at, shares = moments(scene.water, time, straight_m, MOMENTS)
+    at, shares = moments(scene.water, time, straight_m, _MOMENTS)
     waters = [at_time(scene.water, float(t)) for t in at]
     now = [replace(rendering, scene=scene.model_copy(update={"water": water})) for water in waters]
     return list(zip(now, shares, strict=True))

@@ -12,7 +12,7 @@ from lightfield.scene.lamp.colour import wider_in_colour
 from lightfield.scene.lamp.frame import beyond_window, through_window
 from lightfield.scene.water.hardening import hardening_depth
 
-RINGS, SPOKES = 8, 8  # points on the window: rings of equal area, with no bias to any side
+_RINGS, _SPOKES = 8, 8  # points on the window: rings of equal area, with no bias to any side
 
 
 def direct_at(
@@ -100,6 +100,6 @@ def points_of_disc(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Points that stand for equal parts of a disc: centroid in its middle, the same spread in x and y."""
     if radius_m == 0:
         return np.zeros(1), np.zeros(1)
-    ring, spoke = np.divmod(np.arange(RINGS * SPOKES), SPOKES)
-    radius, turn = radius_m * np.sqrt((ring + 0.5) / RINGS), 2 * np.pi * (spoke + 0.5 * (ring % 2)) / SPOKES
+    ring, spoke = np.divmod(np.arange(_RINGS * _SPOKES), _SPOKES)
+    radius, turn = radius_m * np.sqrt((ring + 0.5) / _RINGS), 2 * np.pi * (spoke + 0.5 * (ring % 2)) / _SPOKES
     return radius * np.cos(turn), radius * np.sin(turn)

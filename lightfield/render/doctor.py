@@ -11,7 +11,7 @@ import sys
 from lightfield.render.known_case import Check
 from lightfield.version import __version__
 
-PACKAGES = (
+_PACKAGES = (
     "mitsuba",
     "drjit",
     "numpy",
@@ -24,13 +24,13 @@ PACKAGES = (
     "OpenEXR",
     "scikit-image",
 )
-CHECK_TIMEOUT_S = 300
+_CHECK_TIMEOUT_S = 300
 
 
 def versions() -> dict[str, str]:
     """Version of Python, of this package and of what it stands on."""
     found = {"lightfield": __version__, "python": platform.python_version()}
-    for package in PACKAGES:
+    for package in _PACKAGES:
         try:
             found[package] = importlib.metadata.version(package)
         except importlib.metadata.PackageNotFoundError:
@@ -45,11 +45,11 @@ def check() -> Check:
             [sys.executable, "-m", "lightfield.render.known_case"],
             capture_output=True,
             text=True,
-            timeout=CHECK_TIMEOUT_S,
+            timeout=_CHECK_TIMEOUT_S,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return Check(problem=f"the render did not end within {CHECK_TIMEOUT_S} s")
+        return Check(problem=f"the render did not end within {_CHECK_TIMEOUT_S} s")
     except OSError as error:
         return Check(problem=f"the render could not be started ({error.strerror})")
     try:

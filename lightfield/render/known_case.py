@@ -8,12 +8,12 @@ from dataclasses import asdict, dataclass
 
 from lightfield.render.backend import use_backend
 
-RADIUS_M, DISTANCE_M = 1.0, 2.0
-RADIANCE = 0.06  # W m^-2 sr^-1 nm^-1
-BAND_NM = (500.0, 550.0)
-RAYS = 1 << 20
+_RADIUS_M, _DISTANCE_M = 1.0, 2.0
+_RADIANCE = 0.06  # W m^-2 sr^-1 nm^-1
+_BAND_NM = (500.0, 550.0)
+_RAYS = 1 << 20
 # A right estimate lies outside 5 standard errors once in two million runs.
-LARGEST_Z = 5.0
+_LARGEST_Z = 5.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Check:
     @property
     def passed(self) -> bool:
         """Whether the number is right within its error, the error being small enough to tell."""
-        return not self.problem and abs(self.z) <= LARGEST_Z and self.stderr <= 0.005 * self.known
+        return not self.problem and abs(self.z) <= _LARGEST_Z and self.stderr <= 0.005 * self.known
 
 
 def render_known_case(seed: int = 1) -> Check:
@@ -60,16 +60,16 @@ def render_known_case(seed: int = 1) -> Check:
     import mitsuba as mi
 
     look = mi.ScalarTransform4f().look_at(origin=[0, 0, 0], target=[0, 0, 1], up=[0, 1, 0])
-    side = math.isqrt(RAYS)
+    side = math.isqrt(_RAYS)
     scene = mi.load_dict(
         {
             "type": "scene",
             "integrator": {"type": "path", "max_depth": 2},
             "lamp": {
                 "type": "sphere",
-                "center": [0, 0, DISTANCE_M],
-                "radius": RADIUS_M,
-                "emitter": {"type": "area", "radiance": {"type": "uniform", "value": RADIANCE}},
+                "center": [0, 0, _DISTANCE_M],
+                "radius": _RADIUS_M,
+                "emitter": {"type": "area", "radiance": {"type": "uniform", "value": _RADIANCE}},
             },
             "plate": {
                 "type": "rectangle",
@@ -84,8 +84,8 @@ def render_known_case(seed: int = 1) -> Check:
                         "rfilter": {"type": "box"},
                         "band": {
                             "type": "regular",
-                            "wavelength_min": BAND_NM[0],
-                            "wavelength_max": BAND_NM[1],
+                            "wavelength_min": _BAND_NM[0],
+                            "wavelength_max": _BAND_NM[1],
                             "values": "1, 1",
                         },
                     },
@@ -95,7 +95,7 @@ def render_known_case(seed: int = 1) -> Check:
         }
     )
     value = float(mi.render(scene, seed=seed).array[0])
-    share, full = (RADIUS_M / DISTANCE_M) ** 2, math.pi * RADIANCE * (BAND_NM[1] - BAND_NM[0])
+    share, full = (_RADIUS_M / _DISTANCE_M) ** 2, math.pi * _RADIANCE * (_BAND_NM[1] - _BAND_NM[0])
     return Check(
         value=value, stderr=full * math.sqrt(share * (1 - share) / (side * side)), known=full * share
     )

@@ -65,19 +65,19 @@ def check_photons(value: object) -> None:
 
 
 #: Wavelengths of which there can be maps, nm, and how many.
-WAVELENGTHS_NM, MOST_WAVELENGTHS = Allowed("200", "2000"), 2000
+_WAVELENGTHS_NM, MOST_WAVELENGTHS = Allowed("200", "2000"), 2000
 
 
 def check_wavelengths(wavelengths_nm: Sequence[float], where: str, found: object) -> None:
     """Refuse wavelengths of which there are no maps, with a `UsageError`."""
     count = len(wavelengths_nm)
     rising = all(one < other for one, other in pairwise(wavelengths_nm))
-    if not (0 < count <= MOST_WAVELENGTHS and rising and all(map(WAVELENGTHS_NM.holds, wavelengths_nm))):
+    if not (0 < count <= MOST_WAVELENGTHS and rising and all(map(_WAVELENGTHS_NM.holds, wavelengths_nm))):
         raise UsageError(
             "impossible wavelengths",
             where=where,
             found=found,
-            rule=f"rising, from {WAVELENGTHS_NM.rule} nm, at most {MOST_WAVELENGTHS}",
+            rule=f"rising, from {_WAVELENGTHS_NM.rule} nm, at most {MOST_WAVELENGTHS}",
             remedy="for example 500, 525, 550",
         )
 

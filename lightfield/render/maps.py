@@ -28,7 +28,7 @@ from lightfield.scene.lamp.colour import in_colour
 from lightfield.scene.listed import OWN_FIELD
 from lightfield.scene.water.coefficients import absorption_per_m, coefficients_in, scattering_per_m
 
-TOGETHER = 25  # wavelengths evaluated at once
+_TOGETHER = 25  # wavelengths evaluated at once
 #: A lamp whose width has a colour is traced at so many wavelengths.
 _COLOURS = 3
 
@@ -78,8 +78,8 @@ class TracedMaps:
         # Some wavelengths at a time: the tally is read once for all of them.
         band = np.repeat(np.arange(len(at)), at.shape[1])
         totals: list[Array] = []
-        for first in range(0, at.size, TOGETHER):
-            some = slice(first, first + TOGETHER)
+        for first in range(0, at.size, _TOGETHER):
+            some = slice(first, first + _TOGETHER)
             pair = self.relative_maps(at.ravel()[some], part, intensity.ravel()[some])
             totals = totals or [np.zeros((len(at), *v.shape[1:])) for v in pair]
             for total, values in zip(totals, pair, strict=True):

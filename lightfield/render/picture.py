@@ -32,19 +32,19 @@ from lightfield.scene.water.coefficients import absorption_per_m, known_nm, mole
 from lightfield.scene.water.layers import is_layered, layers_absorption_per_m
 
 #: Red, green and blue, nm. Chosen: about where displays part them.
-RGB_BANDS_NM = ((580.0, 700.0), (500.0, 580.0), (400.0, 500.0))
-LENT_ALBEDO, LENT_SCATTERING = 0.15, 0.02
+_RGB_BANDS_NM = ((580.0, 700.0), (500.0, 580.0), (400.0, 500.0))
+_LENT_ALBEDO, _LENT_SCATTERING = 0.15, 0.02
 #: A colour with less than this part of the brightest one's power is black in the picture: half a step of the
 #: dark end of sRGB (slope 12.92 over 255 steps) beside white.
-UNSEEN = 0.5 / 255 / 12.92
+_UNSEEN = 0.5 / 255 / 12.92
 #: Part of the whole spectrum's mean that the brightest colour has at least: a tail is no light. Chosen.
-LEAST_SEEN = 1e-6
-BEAM_PIXELS = 256
-MAX_DEPTH = 10
-MIDDLE, BELOW = 0.25, 0.8
+_LEAST_SEEN = 1e-6
+_BEAM_PIXELS = 256
+_MAX_DEPTH = 10
+_MIDDLE, _BELOW = 0.25, 0.8
 #: How far the brightest light goes from its colour to white (chosen).
-PALEST = 0.5
-SPARK, SMOOTHING_PIXELS, CALM = 5.0, (0.7, 1.2, 2.0, 3.0, 4.5), 0.06
+_PALEST = 0.5
+_SPARK, _SMOOTHING_PIXELS, _CALM = 5.0, (0.7, 1.2, 2.0, 3.0, 4.5), 0.06
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def take_picture(
 
     albedo = scene.reflectances[0]
     rgb_nm, power = colours_of(scene.lamp)
-    lit_colours = [k for k in range(3) if power[k] > UNSEEN * power.max()]
+    lit_colours = [k for k in range(3) if power[k] > _UNSEEN * power.max()]
     # A named water may be known for a part of the colours only.
     water_nm = np.clip(rgb_nm, *known_nm(scene.water))
     scattering = scattering_per_m(scene.water, water_nm)
@@ -119,12 +119,12 @@ def take_picture(
     ]
     if is_layered(scene.water):
         notes.append(ShownAs(Shown.LAYERS, _change_per_m(scene), 0.0))
-    if lend and scene.tank and albedo < LENT_ALBEDO:
-        notes.append(ShownAs(Shown.ALBEDO, float(albedo), LENT_ALBEDO))
-        albedo = LENT_ALBEDO
-    if lend and float(scattering.max()) < LENT_SCATTERING:
-        notes.append(ShownAs(Shown.SCATTERING, float(scattering.max()), LENT_SCATTERING))
-        scattering = np.full(3, LENT_SCATTERING)
+    if lend and scene.tank and albedo < _LENT_ALBEDO:
+        notes.append(ShownAs(Shown.ALBEDO, float(albedo), _LENT_ALBEDO))
+        albedo = _LENT_ALBEDO
+    if lend and float(scattering.max()) < _LENT_SCATTERING:
+        notes.append(ShownAs(Shown.SCATTERING, float(scattering.max()), _LENT_SCATTERING))
+        scattering = np.full(3, _LENT_SCATTERING)
     absorption, molecular = absorption_per_m(scene.water, water_nm), molecular_per_m(scene.water, water_nm)
     planes = []
     for k in range(3):
@@ -156,13 +156,13 @@ def colours_of(lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
     RenderError
         None of it is visible.
     """
-    parts = [over_band(lamp, low, high, pieces=1) for low, high in RGB_BANDS_NM]
+    parts = [over_band(lamp, low, high, pieces=1) for low, high in _RGB_BANDS_NM]
     rgb_nm, power = (np.concatenate(one) for one in zip(*parts, strict=True))
     everywhere = over_band(lamp, FIRST_NM, LAST_NM, pieces=1).intensity.item()
-    if power.max() < LEAST_SEEN * everywhere:
+    if power.max() < _LEAST_SEEN * everywhere:
         raise RenderError(
             "the lamp gives no light that is seen", where="lamp.spectrum",
-            rule=f"some between {RGB_BANDS_NM[2][0]:g} and {RGB_BANDS_NM[0][1]:g} nm",
+            rule=f"some between {_RGB_BANDS_NM[2][0]:g} and {_RGB_BANDS_NM[0][1]:g} nm",
             remedy="correct lamp.spectrum; maps show light of every wavelength",
         )  # fmt: skip
     return rgb_nm, power
@@ -206,7 +206,7 @@ def picture_dict(
     eye, target, view_deg = camera_pose(scene)
     return {
         "type": "scene",
-        "integrator": {"type": "volpath", "max_depth": MAX_DEPTH, "rr_depth": 5},
+        "integrator": {"type": "volpath", "max_depth": _MAX_DEPTH, "rr_depth": 5},
         "water": water,
         **box,
         **_lamp(scene, mi),
@@ -250,7 +250,7 @@ def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
     skirt = lamp.skirt_hwhm_deg if lamp.skirt_fraction > 0 else 0.0
     half_deg = min(max(3.2 * stated_width_deg(lamp) * section_widths(lamp)[1], 2.5 * skirt, 4.0), 70.0)
     reach = tan(radians(half_deg))
-    u = (np.arange(BEAM_PIXELS) + 0.5) / BEAM_PIXELS * 2 - 1
+    u = (np.arange(_BEAM_PIXELS) + 0.5) / _BEAM_PIXELS * 2 - 1
     # Row 0 of the projected image is up, column 0 is on the left of someone looking along the beam: +x.
     x, y = np.meshgrid(-u * reach, -u * reach)
     beam = relative_intensity(lamp, *angles_about_axis(x, y, 1.0)) * (1 + x * x + y * y) ** 1.5
@@ -292,21 +292,21 @@ def calm(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     Returns
     -------
     array, shape (height, width)
-        Gaussian means of the smallest width whose relative noise is below `CALM`.
+        Gaussian means of the smallest width whose relative noise is below `_CALM`.
     """
     # One lucky path makes a spark; the other image does not have it.
     first, second = (
-        np.minimum(one, SPARK * gaussian_filter(other, 2.5, mode="nearest"))
+        np.minimum(one, _SPARK * gaussian_filter(other, 2.5, mode="nearest"))
         for one, other in ((first, second), (second, first))
     )
     mean, variance = 0.5 * (first + second), 0.25 * (first - second) ** 2
     result, undecided = mean.copy(), np.ones(mean.shape)
-    for width in SMOOTHING_PIXELS:
+    for width in _SMOOTHING_PIXELS:
         smooth = gaussian_filter(mean, width, mode="nearest")
         # Variance of a Gaussian mean of independent pixels, itself smoothed over the neighbourhood.
         noise = np.sqrt(gaussian_filter(variance, max(width, 3.0), mode="nearest") / (4 * np.pi * width**2))
         result += undecided * (smooth - result)
-        enough = np.clip(1.5 - 0.5 * noise / (CALM * smooth + 1e-30), 0, 1)
+        enough = np.clip(1.5 - 0.5 * noise / (_CALM * smooth + 1e-30), 0, 1)
         undecided = undecided * (1 - gaussian_filter(enough, 1.0, mode="nearest"))
     return result
 
@@ -319,7 +319,7 @@ def exposure(rgb: np.ndarray) -> float:
     """
     bright = rgb.max(axis=-1)
     lit_part = bright[bright > 0]
-    return float(MIDDLE / np.quantile(lit_part, BELOW)) if lit_part.size else 1.0
+    return float(_MIDDLE / np.quantile(lit_part, _BELOW)) if lit_part.size else 1.0
 
 
 def tone_mapped(rgb: np.ndarray) -> np.ndarray:
@@ -339,7 +339,7 @@ def tone_mapped(rgb: np.ndarray) -> np.ndarray:
     exposed = rgb * exposure(rgb)
     bright = exposed.max(axis=-1, keepdims=True)
     rolled = exposed / (1 + bright) * (1 + bright / 25)
-    pale = PALEST * bright**2 / (1 + bright**2)
+    pale = _PALEST * bright**2 / (1 + bright**2)
     linear = np.clip(rolled + pale * (rolled.max(axis=-1, keepdims=True) - rolled), 0, 1)
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     return np.asarray(np.round(255 * curve), np.uint8)

@@ -14,7 +14,7 @@ PICTURE_SIZE, PICTURE_PATHS = (720, 405), 64
 #: Relative error, the least that may be asked for, of a trace that ends with its photons.
 BY_PHOTONS = REL_ERROR.low
 #: Independent batches of a trace, from whose spread errors come: as many as a tally of so many bytes holds.
-FEWEST_BATCHES, BATCHES, TALLY_BYTES = 4, 10, 900e6
+_FEWEST_BATCHES, BATCHES, _TALLY_BYTES = 4, 10, 900e6
 #: Steps in which paths are tallied: absorption changes little over one.
 PATH_NODES = 28
 
@@ -41,7 +41,7 @@ class SharedTracing(CachedTracing, total=False):
 
 def batches_of(cells: float, rows: float) -> int:
     """Batches of a trace whose tally has so many cells and rows, in single precision."""
-    return int(min(max(TALLY_BYTES / (4 * cells * rows), FEWEST_BATCHES), BATCHES))
+    return int(min(max(_TALLY_BYTES / (4 * cells * rows), _FEWEST_BATCHES), BATCHES))
 
 
 @dataclass(frozen=True)

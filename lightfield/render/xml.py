@@ -20,7 +20,7 @@ from lightfield.scene.water.coefficients import absorption_per_m, molecular_per_
 from lightfield.scene.water.layers import is_layered
 from lightfield.storage.files import atomic_path
 
-KINDS = {
+_KINDS = {
     "lightfield_lamp": "Emitter",
     "lightfield_phase": "PhaseFunction",
     "detector_plane": "Sensor",
@@ -107,7 +107,7 @@ def write_xml(scene: Scene, path: str | os.PathLike[str]) -> Path:
         state = mi.parser.parse_dict(mi.parser.ParserConfig(mi.variant()), described)
         for node in state.nodes:
             # Mitsuba does not know what kind of thing a plugin written in Python is.
-            kind = KINDS.get(node.props.plugin_name())
+            kind = _KINDS.get(node.props.plugin_name())
             if kind:
                 node.type = getattr(mi.ObjectType, kind)
         inside = Path(folder) / "scene.xml"

@@ -18,8 +18,8 @@ from lightfield.report.style import MUTED, NARROW, SHORT_UNITS, extent_of, figur
 from lightfield.version import __version__
 from lightfield.wording import plain
 
-DECADES = 4.0
-PARTS = (0.5, 0.1, 0.01)
+_DECADES = 4.0
+_PARTS = (0.5, 0.1, 0.01)
 #: Height over width that a map is given room for at least.
 _LEAST_TALL = 0.3
 
@@ -54,7 +54,7 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
                 axis, light = axes[row, column], values[wave, plane]
                 shown = light_map(axis, x, y, light, top)
                 dimmest, brightest = float(np.nanmin(light)), float(np.nanmax(light))
-                levels = sorted(part * brightest for part in PARTS)
+                levels = sorted(part * brightest for part in _PARTS)
                 if x.size > 1 and y.size > 1 and dimmest < levels[-1] < brightest:
                     axis.contour(x, y, light, levels=levels, colors="white", linewidths=0.7, alpha=0.8)
                 axis.tick_params(labelsize=8.5)
@@ -80,8 +80,8 @@ def light_map(axis: Axes, x_m: Array, y_m: Array, light: Array, top: float) -> A
     """Draw light on a plane, on a logarithmic scale that ends at the top."""
     axis.grid(False)
     return axis.imshow(
-        np.maximum(light, top / 10 ** (DECADES + 1)) if top > 0 else light, origin="lower", cmap="magma",
-        norm=LogNorm(top / 10**DECADES, top) if top > 0 else None, extent=extent_of(x_m, y_m),
+        np.maximum(light, top / 10 ** (_DECADES + 1)) if top > 0 else light, origin="lower", cmap="magma",
+        norm=LogNorm(top / 10**_DECADES, top) if top > 0 else None, extent=extent_of(x_m, y_m),
     )  # fmt: skip
 
 

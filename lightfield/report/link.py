@@ -23,7 +23,7 @@ from lightfield.studies.link.text import (
 from lightfield.studies.working_range.text import UNTOLD
 
 #: Below this many errors per bit a figure shows none.
-LEAST_BER = 1e-12
+_LEAST_BER = 1e-12
 
 
 def reach_figure(found: Link, narrow: bool = False) -> Figure:
@@ -33,11 +33,11 @@ def reach_figure(found: Link, narrow: bool = False) -> Figure:
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
         for k, name in enumerate(names):
             shade = SERIES[k % len(SERIES)]
-            left.plot(z, np.maximum(data.ber.values[k], LEAST_BER), color=shade, label=name)
-            left.plot(z, np.maximum(data.ber_formula.values[k], LEAST_BER), color=shade, linestyle=DASH)
+            left.plot(z, np.maximum(data.ber.values[k], _LEAST_BER), color=shade, label=name)
+            left.plot(z, np.maximum(data.ber_formula.values[k], _LEAST_BER), color=shade, linestyle=DASH)
         left.axhline(found.receiver.ber, color=BAD, linewidth=1)
         left.set_yscale("log")
-        left.set_ylim(LEAST_BER, 0.6)
+        left.set_ylim(_LEAST_BER, 0.6)
         label(
             left, "z (m)", "errors per bit", f"{found.receiver.bit_rate_per_s / 1e6:g} Mbit/s, on-off keying"
         )

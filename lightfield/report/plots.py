@@ -37,7 +37,7 @@ from lightfield.studies.compare.rings import SIGMAS
 from lightfield.wording import plain, rounded
 
 #: Lines that a drawing can show apart.
-LINES = len(SERIES)
+_LINES = len(SERIES)
 #: A cell that holds two digits is at least so wide, inches (looked at).
 _CELL_IN = 0.22
 
@@ -146,7 +146,7 @@ def plot_formula_error(ax: Axes | None, planes: Sequence[PlaneComparison]) -> Ax
     """Relative error of the formula against the radius, with three standard errors."""
     ax = axes_for(ax)
     ax.axhspan(-0.05, 0.05, color=GRID, alpha=0.8, linewidth=0)
-    for shade, plane in zip(SERIES, (planes[k] for k in evenly(len(planes), LINES)), strict=False):
+    for shade, plane in zip(SERIES, (planes[k] for k in evenly(len(planes), _LINES)), strict=False):
         ring = plane.profile
         with np.errstate(divide="ignore", invalid="ignore"):
             error, noise = (
@@ -215,7 +215,7 @@ def plot_lines(
     ax, number = axes_for(ax), -1
     for name, (value, stderr) in lines.items():
         number += name not in dashed
-        shade, style = SERIES[number % LINES], DASH if name in dashed else "solid"
+        shade, style = SERIES[number % _LINES], DASH if name in dashed else "solid"
         if stderr is not None:
             error = np.where(np.isfinite(stderr), stderr, 0)
             ax.fill_between(x, value - error, value + error, color=shade, alpha=0.25, linewidth=0)
@@ -237,7 +237,7 @@ def plot_sweep(ax: Axes | None, data: xr.Dataset, axes: Sequence[str], name: str
     x = data[along].values
     at = np.asarray(x if x.dtype.kind in "fi" else np.arange(len(x)), float)
     lines = {}
-    for step in range(1 if hue is None else min(data.sizes[hue], LINES)):
+    for step in range(1 if hue is None else min(data.sizes[hue], _LINES)):
         kept = {along} if hue is None else {along, hue}
         first = {dim: 0 for dim in data[name].dims if dim not in kept} | ({} if hue is None else {hue: step})
         value, error = (data[n].isel(first).values if n in data else None for n in (name, f"{name}_stderr"))

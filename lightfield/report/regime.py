@@ -15,8 +15,8 @@ from lightfield.studies.regime import ERRORS, undecided
 from lightfield.wording import capital, minus
 
 #: From blue to orange, light enough for dark numbers: told apart by those who see no red and green.
-COLOURS = ("#6ea6d8", "#c3dbef", "#f3dd9b", "#e2905a")
-NAMES = ("within 5 %", "within 10 %", "within 25 %", "worse")
+_COLOURS = ("#6ea6d8", "#c3dbef", "#f3dd9b", "#e2905a")
+_NAMES = ("within 5 %", "within 10 %", "within 25 %", "worse")
 
 
 def regime_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
@@ -63,7 +63,7 @@ def error_cells(axis: Axes, error: Array, stderr: Array, size: float, whole: boo
     """
     which = np.where(np.isnan(error), np.nan, np.searchsorted(ERRORS, np.abs(error)))
     classes = BoundaryNorm([-0.5, 0.5, 1.5, 2.5, 3.5], 4)
-    axis.imshow(which, origin="lower", aspect="auto", cmap=ListedColormap(COLOURS), norm=classes)
+    axis.imshow(which, origin="lower", aspect="auto", cmap=ListedColormap(_COLOURS), norm=classes)
     unsure = undecided(error, stderr)
     for row, column in np.ndindex(*error.shape):
         text = percent_text(float(error[row, column]), whole) + ("?" if unsure[row, column] else "")
@@ -74,7 +74,7 @@ def error_cells(axis: Axes, error: Array, stderr: Array, size: float, whole: boo
 
 def colours_named(fig: Figure, narrow: bool) -> None:
     """Legend of the classes below the figure."""
-    handles = [Patch(color=c, label=n) for c, n in zip(COLOURS, NAMES, strict=True)]
+    handles = [Patch(color=c, label=n) for c, n in zip(_COLOURS, _NAMES, strict=True)]
     fig.legend(handles=handles, loc="outside lower center", ncols=2 if narrow else 4)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 #: Rows of a table that a page shows.
-MOST_ROWS = 60
+_MOST_ROWS = 60
 
 
 class Answer(Protocol):
@@ -42,9 +42,9 @@ def result_page(answer: Answer, title: str, *draw: Callable[..., Figure], scene_
     if not draw:
         drawn = [page_figure("figure0", "", title, _plotted, answer)]
     table = answer.summary()
-    rows = [[_cell(value) for value in row] for row in table.head(MOST_ROWS).itertuples(index=False)]
+    rows = [[_cell(value) for value in row] for row in table.head(_MOST_ROWS).itertuples(index=False)]
     words = [k for k, name in enumerate(table.columns) if any(map(_is_text, table[name]))]
-    rest = f" The first {MOST_ROWS} of {len(table)} rows." if len(table) > MOST_ROWS else ""
+    rest = f" The first {_MOST_ROWS} of {len(table)} rows." if len(table) > _MOST_ROWS else ""
     shown = Table(f"The numbers.{rest}", [str(name) for name in table.columns], rows, words)
     section = Section("Answer", drawn, (), (shown,))
     return study_page(title, answer.headline, (), [section], scene_toml)

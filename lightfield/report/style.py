@@ -30,7 +30,7 @@ from lightfield.storage.files import atomic_path
 INK, MUTED, GRID, PAPER = "#1f2429", "#67707a", "#dde2e7", "#fefefe"
 RENDER, FORMULA, DATA, GOOD, BAD = "#0b6bb8", "#c8501e", "#2b3138", "#0a7d8c", "#b3261e"
 SERIES = (RENDER, FORMULA, "#1fa187", "#8a5bb0", "#b8860c", "#5c6f82")
-THEMED = {
+_THEMED = {
     INK: "ink",
     MUTED: "muted",
     GRID: "grid",
@@ -56,8 +56,8 @@ SHORT_UNITS = {
 DASH = (0, (5, 2))
 WIDTH = 10.0  # inches of a figure that fills the page
 NARROW = 4.3  # inches of a figure on a telephone
-PAGE_PIXELS = 1020
-PNG_DPI = 150
+_PAGE_PIXELS = 1020
+_PNG_DPI = 150
 #: Of Matplotlib, while a figure is made.
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -138,8 +138,8 @@ def save_png(fig: Figure, path: str | os.PathLike[str]) -> Path:
     """Write a figure as PNG on white paper, whole or not at all."""
     with matplotlib.rc_context(STYLE), atomic_path(path) as temporary:
         FigureCanvasAgg(fig)
-        with _laid_out(fig, PNG_DPI):
-            fig.savefig(temporary, dpi=PNG_DPI, format="png")
+        with _laid_out(fig, _PNG_DPI):
+            fig.savefig(temporary, dpi=_PNG_DPI, format="png")
     return Path(path)
 
 
@@ -188,10 +188,10 @@ def to_svg(fig: Figure, name: str) -> str:
     svg = named.sub(lambda found: f"{name}-{numbers.setdefault(found[0], len(numbers))}", svg)
     # Width from the page, height from the drawing's own proportions.
     svg = re.sub(r'<svg ([^>]*?)width="[^"]*" height="[^"]*"', r"<svg \1", svg, count=1)
-    shape = f'role="img" style="max-width: {PAGE_PIXELS * fig.get_figwidth() / WIDTH:.0f}px"'
+    shape = f'role="img" style="max-width: {_PAGE_PIXELS * fig.get_figwidth() / WIDTH:.0f}px"'
     svg = re.sub(r"<svg ([^>]*?)>", rf"<svg \1 {shape}>", svg, count=1)
     svg = re.sub(r"'DejaVu Sans'(, [^;\"]*)?", "var(--sans)", svg)
-    for colour, variable in THEMED.items():
+    for colour, variable in _THEMED.items():
         svg = svg.replace(colour, f"var(--{variable})")
     return svg
 

@@ -30,7 +30,7 @@ from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.results import axes_of
 from lightfield.wording import capital, plain
 
-MOST_LINES, MOST_TILES, FEW_TILES = 6, 5, 2
+_MOST_LINES, _MOST_TILES, _FEW_TILES = 6, 5, 2
 #: Letters of a note to an inch.
 _LETTERS = 14
 #: Of a number that no case has.
@@ -65,7 +65,7 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     rows = 4 if narrow else 2
     with figure(*((NARROW, 11.6) if narrow else (WIDTH, 6.4))) as fig:
         for axis, name in zip(fig.subplots(rows, 4 // rows, sharex=True).ravel(), panels, strict=True):
-            chosen = evenly(held.sizes[hue], MOST_LINES)
+            chosen = evenly(held.sizes[hue], _MOST_LINES)
             for line, step in enumerate(chosen):
                 at = held.isel({hue: step} if hue == plane else {hue: step, plane: middle})
                 _line(axis, at, along, name, SERIES[line], _step_name(held, hue, step))
@@ -149,7 +149,7 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     along, up = _two_axes(data)
     held, rest = _hold(data, {along, up, *_map_dims(data)})
     plane, middle = _plane(held), held.sizes[_plane(held)] // 2
-    most = FEW_TILES if narrow else MOST_TILES
+    most = _FEW_TILES if narrow else _MOST_TILES
     columns, lines = evenly(held.sizes[along], most), evenly(held.sizes[up], most)
     chosen = held[quantity].isel({along: columns, up: lines}).isel(wavelength_nm=0, missing_dims="ignore")
     chosen = chosen.isel(band=0, missing_dims="ignore")
@@ -271,7 +271,7 @@ def _text_ticks(axis: Axes, data: xr.Dataset, name: str) -> None:
     if values.dtype.kind not in "fi":
         axis.set_xticks(range(len(values)), [str(v) for v in values])
     elif values.dtype.kind == "i":
-        axis.set_xticks(values[evenly(len(values), MOST_LINES)])
+        axis.set_xticks(values[evenly(len(values), _MOST_LINES)])
 
 
 def _spans_a_decade(axes: Axes) -> bool:

@@ -13,7 +13,7 @@ from lightfield.diagnosis.verdict.parts import PlaceToRead
 from lightfield.report.style import DATA, FORMULA, MUTED, NARROW, RENDER, WIDTH, figure, label
 from lightfield.scene import Tank
 
-SHOWN_BEHIND_M, SHOWN_BEYOND_M = 0.8, 1.5  # of a long tank only the part with readings is drawn
+_SHOWN_BEHIND_M, _SHOWN_BEYOND_M = 0.8, 1.5  # of a long tank only the part with readings is drawn
 
 
 def tank_figure(
@@ -43,7 +43,7 @@ def tank_figure(
     # x, y, z of what is drawn of unbounded water
     walls = tank.box_m if tank else ((-side, side), (-side, side), (0.0, np.inf))
     start, end = walls[2]
-    reach = min(far + SHOWN_BEYOND_M, end)
+    reach = min(far + _SHOWN_BEYOND_M, end)
     with figure(*((NARROW, 5.0) if narrow else (WIDTH, 4.6))) as fig:
         above, beside = fig.subplots(2, 1, sharex=True)
         for axis, across, (low, high), name, title in (
@@ -59,7 +59,7 @@ def tank_figure(
                 beam.set_clip_path(water)  # it ends at the walls
             axis.plot(z_m, across, "o", color=DATA, markersize=3, label="readings taken")
             _spots(axis, spots, name)
-            axis.set_xlim(-SHOWN_BEHIND_M, reach)
+            axis.set_xlim(-_SHOWN_BEHIND_M, reach)
             axis.set_ylim(low - 0.12 * (high - low), high + 0.12 * (high - low))
             axis.grid(False)
             label(axis, "", f"{name[0]} (m)", title)

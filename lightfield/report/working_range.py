@@ -86,7 +86,7 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
     return fig
 
 
-TITLES = {"across": "Across the beam", "along": "Along the beam", "turned": "Yaw and pitch"}
+_TITLES = {"across": "Across the beam", "along": "Along the beam", "turned": "Yaw and pitch"}
 
 
 def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
@@ -117,7 +117,7 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
             )
             axis.set_yscale("log")
             plain_log_axis(axis.yaxis)
-            label(axis, "z (m)", f"standard error ({unit})", TITLES[name])
+            label(axis, "z (m)", f"standard error ({unit})", _TITLES[name])
         legend_below(fig, axes[0], columns=1 if narrow else 4)
     return fig
 

@@ -32,7 +32,7 @@ from lightfield.studies.defaults import FIELD_STEP_M
 from lightfield.version import __version__
 
 #: Places of a grid at most: more would be a file of gigabytes.
-MOST_PLACES = 4_000_000
+_MOST_PLACES = 4_000_000
 #: Components of the flux vector.
 #: A beam that is wider is resolved everywhere, deg. Chosen: its tangent is large.
 _WIDEST_DEG = 80.0
@@ -76,9 +76,9 @@ class Asked:
         sides = self.half_width_m / self.step_m
         length = (self.far_m - self.near_m) / (4 * self.step_m)
         traced = (self.far_m - self.near_m) / self.region(self.half_width_m).longest_step_m()
-        if not (2 * sides + 3) ** 2 * (traced + 3) <= MOST_PLACES:
+        if not (2 * sides + 3) ** 2 * (traced + 3) <= _MOST_PLACES:
             raise UsageError(
-                "too many places", found=f"steps of {self.step_m:g} m", rule=f"at most {MOST_PLACES:,}",
+                "too many places", found=f"steps of {self.step_m:g} m", rule=f"at most {_MOST_PLACES:,}",
                 remedy="take larger steps, or a smaller part of the water, or begin farther from the lamp",
             )  # fmt: skip
         half = int(np.floor(sides + 1e-9))

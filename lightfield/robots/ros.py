@@ -26,9 +26,9 @@ from lightfield.studies.defaults import FRAME
 from lightfield.studies.follower.estimation.pose import Estimator, PoseEstimate
 from lightfield.studies.follower.frames import UNKNOWN_VARIANCE, FramedPose, covariance_of, lamp_seen
 
-NODE = "lightfield_pose"
+_NODE = "lightfield_pose"
 #: Messages that wait at most.
-QUEUE = 10
+_QUEUE = 10
 #: Levels of diagnostic_msgs/DiagnosticStatus.
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 
@@ -136,10 +136,10 @@ def make_node(bridge: Bridge, frame: str = FRAME) -> Any:
     """A node that listens to `array/readings`; `rclpy.init` has been called."""
     parts = ros()
     std, geometry, diagnostic = (parts[f"{name}_msgs.msg"] for name in ("std", "geometry", "diagnostic"))
-    node = parts["rclpy.node"].Node(NODE)
-    poses = node.create_publisher(geometry.PoseWithCovarianceStamped, "lamp_pose", QUEUE)
-    docks = node.create_publisher(geometry.PoseStamped, "detected_dock_pose", QUEUE)
-    states = node.create_publisher(diagnostic.DiagnosticArray, "diagnostics", QUEUE)
+    node = parts["rclpy.node"].Node(_NODE)
+    poses = node.create_publisher(geometry.PoseWithCovarianceStamped, "lamp_pose", _QUEUE)
+    docks = node.create_publisher(geometry.PoseStamped, "detected_dock_pose", _QUEUE)
+    states = node.create_publisher(diagnostic.DiagnosticArray, "diagnostics", _QUEUE)
 
     def listen(message: Any) -> None:
         # Taken when it arrives: the message has no time of its own.
@@ -168,7 +168,7 @@ def make_node(bridge: Bridge, frame: str = FRAME) -> Any:
         }
         states.publish(_state(diagnostic, stamp, answer.level, answer.words, facts))
 
-    node.create_subscription(std.Float32MultiArray, "array/readings", listen, QUEUE)
+    node.create_subscription(std.Float32MultiArray, "array/readings", listen, _QUEUE)
     return node
 
 
@@ -191,7 +191,7 @@ def _fill(pose: Any, seen: FramedPose) -> None:
 
 def _state(diagnostic: ModuleType, stamp: Any, level: bytes, words: str, facts: dict[str, str]) -> Any:
     status = diagnostic.DiagnosticStatus()
-    status.level, status.name, status.message = level, NODE, words
+    status.level, status.name, status.message = level, _NODE, words
     for key, value in facts.items():
         pair = diagnostic.KeyValue()
         pair.key, pair.value = key, value

@@ -25,7 +25,7 @@ from lightfield.scene.water.coefficients import (
 
 #: Equal parts of a band at least, over each of which the water is taken to be the same; and at most, one for
 #: a nanometre of a band.
-PIECES, _FINEST_NM = 5, 1.0
+_PIECES, _FINEST_NM = 5, 1.0
 #: Within a part the optical depth of the farthest plane changes by this at most: the light of the steepest is
 #: right to 4e-3 (the square over 24), that of a band to less (test_bands.py).
 _MOST_CHANGE = 0.3
@@ -62,10 +62,10 @@ def read_nm(scene: Scene, wavelength_nm: ArrayLike) -> Array:
 def pieces(scene: Scene) -> int:
     """Equal parts of every band in which the water is as good as the same, up to the farthest detector."""
     if is_grey(scene.water):
-        return PIECES
-    far, most = scene.detector.distances_m[-1], PIECES
+        return _PIECES
+    far, most = scene.detector.distances_m[-1], _PIECES
     for low, high in scene.detector.bands_read_nm:
-        at = np.linspace(low, high, max(PIECES, math.ceil((high - low) / _FINEST_NM)) + 1)
+        at = np.linspace(low, high, max(_PIECES, math.ceil((high - low) / _FINEST_NM)) + 1)
         asked = np.clip(at, *known_nm(scene.water))
         depth = far * (absorption_per_m(scene.water, asked) + scattering_per_m(scene.water, asked))
         change = float(np.abs(np.diff(depth)).max()) / (at[1] - at[0])
@@ -74,9 +74,9 @@ def pieces(scene: Scene) -> int:
 
 
 def middles_nm(scene: Scene) -> Array:
-    """Middles of `PIECES` equal parts of every band as it is read, shape (n_bands, PIECES), nm."""
+    """Middles of `_PIECES` equal parts of every band as it is read, shape (n_bands, _PIECES), nm."""
     bands = np.asarray(scene.detector.bands_read_nm, float)
-    at = (np.arange(PIECES) + 0.5) / PIECES
+    at = (np.arange(_PIECES) + 0.5) / _PIECES
     return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
 
 
@@ -107,7 +107,7 @@ def first_band_w_per_sr(scene: Scene) -> float:
     By the detector's response over its mean in the band, which is what a responsivity stands for.
     """
     low, high = scene.detector.bands_nm[0]
-    return float(over_first_band(scene, PIECES).intensity.mean() * (high - low))
+    return float(over_first_band(scene, _PIECES).intensity.mean() * (high - low))
 
 
 def refuse_unlit(scene: Scene) -> None:
@@ -136,7 +136,7 @@ def refuse_unlit(scene: Scene) -> None:
 
 
 def over_band(
-    lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | None = None, pieces: int = PIECES
+    lamp: Lamp, low_nm: float, high_nm: float, detector: Detector | None = None, pieces: int = _PIECES
 ) -> BandLight:
     """The lamp's light in equal parts of a band, each where its power has its centre; shape (pieces,).
 

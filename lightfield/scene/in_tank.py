@@ -16,11 +16,11 @@ from lightfield.scene.parameters import told
 from lightfield.scene.tank import Tank
 from lightfield.scene.water.water import Water
 
-WIDTH_M = 2.0  # of a plane, where nothing is said and the tank has room
+_WIDTH_M = 2.0  # of a plane, where nothing is said and the tank has room
 ROUNDING_M = 1e-9
 _SLAB, _DISTANCE, _STANDOFF = "layer_centre_m", "z_m", "standoff_m"
 #: What the ends of the tank in x, y and z follow from.
-SIZES = (("width_m",), ("depth_m", "lamp_depth_m"), ("length_m", "behind_lamp_m"))
+_SIZES = (("width_m",), ("depth_m", "lamp_depth_m"), ("length_m", "behind_lamp_m"))
 
 
 def plane_size_m(detector: Detector, tank: Tank | None) -> tuple[float, float]:
@@ -32,7 +32,7 @@ def plane_size_m(detector: Detector, tank: Tank | None) -> tuple[float, float]:
     """
     width, height = detector.width_m, detector.height_m
     if width is None:
-        width = WIDTH_M if tank is None else min(WIDTH_M, tank.width_m)
+        width = _WIDTH_M if tank is None else min(_WIDTH_M, tank.width_m)
     if height is None and tank is not None:
         less, more = sorted(map(abs, tank.box_m[1]))
         height = min(width, 2 * more)
@@ -194,5 +194,5 @@ def _check_place(
 
 
 def _outside(rule: str, axis: int, tank: Tank, found: Mapping[str, object], remedy: str) -> RuleError:
-    why = ", ".join(told(tank, name) for name in SIZES[axis])
+    why = ", ".join(told(tank, name) for name in _SIZES[axis])
     return RuleError(f"nothing is outside the tank, {rule} by {why}", remedy, found=found)

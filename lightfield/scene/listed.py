@@ -14,8 +14,8 @@ from lightfield.scene.own.own_effect import OwnEffect
 from lightfield.scene.parameters import Parameter
 from lightfield.scene.water.water import Water
 
-AT_FIELD = "absorption_at"
-AT = f"water.{AT_FIELD}."
+_AT_FIELD = "absorption_at"
+AT = f"water.{_AT_FIELD}."
 OWN_FIELD = "effect"
 OWN = f"{OWN_FIELD}."
 

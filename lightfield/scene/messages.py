@@ -12,10 +12,10 @@ from pydantic import BaseModel, ValidationError
 from lightfield.errors import Complaint, RuleError, SceneError
 from lightfield.scene.parameters import bounds, has_rule, parts_in
 
-RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
+_RANGE_ERRORS = {"greater_than", "greater_than_equal", "less_than", "less_than_equal", "finite_number"}
 #: Parts that a scene may lack, and what needs them.
 ABSENT = {"tank": "walls need", "array": "a follower's detectors need", "follower": "a pose needs"}
-NUMBER_ERRORS = {"float_type", "int_type", "int_from_float"}
+_NUMBER_ERRORS = {"float_type", "int_type", "int_from_float"}
 
 
 def scene_error(error: ValidationError, model: type[BaseModel], where: str) -> SceneError:
@@ -136,11 +136,11 @@ def _rule(problem: Mapping[str, Any], owner: type[BaseModel], keys: list[str]) -
     name = next((key for key in reversed(keys) if not key.isdigit()), "")
     field = owner.model_fields.get(name)
     meaning = field.description if field is not None and field.description else name
-    if kind in RANGE_ERRORS | NUMBER_ERRORS and field is not None:
+    if kind in _RANGE_ERRORS | _NUMBER_ERRORS and field is not None:
         extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
         unit = str(extra.get("unit", "1"))
         sort = "a whole number" if field.annotation is int else "a number"
-        remedy = "a value in that range" if kind in RANGE_ERRORS else f"{sort} without quotes or unit"
+        remedy = "a value in that range" if kind in _RANGE_ERRORS else f"{sort} without quotes or unit"
         if keys[-1] != name:
             return f"{_message(problem)} ({unit}): {meaning}", f"write {remedy}"
         return f"{sort} {_interval(owner, name)} ({unit}): {meaning}", f"write {name} = {remedy}"

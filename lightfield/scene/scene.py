@@ -47,7 +47,7 @@ from lightfield.storage.files import write_text
 
 #: So many changed values are named in an error.
 _NAMED = 3
-LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.
+_LIGHTLESS = {"array", "follower"}  #: Parts that change nothing of the light.
 #: What a scene is called in errors while it is made; None: who makes it says so himself.
 _WHERE = "where"
 
@@ -346,7 +346,7 @@ class Scene(Part):
 
     def digest(self) -> str:
         """SHA-256 of all that the physics depends on: every value, and the content of every table."""
-        data = self.model_dump(mode="json", exclude={"name", "description", *LIGHTLESS})
+        data = self.model_dump(mode="json", exclude={"name", "description", *_LIGHTLESS})
         change_tables(self, data, lambda table: inputs.content_digest(table, inputs.TABLE))
         drop_later(self, data)
         data["detector"]["width_m"] = self.plane_size_m[0]

@@ -19,7 +19,7 @@ WATER_INDEX = 1.34
 OPENS_THE_TOP = "tank.surface_reflectance"
 #: Waves in a gale of 17 m/s are of 12 degrees (Cox & Munk 1954, J. Opt. Soc. Am. 44, 838,
 #: doi:10.1364/JOSA.44.000838: mean square slope 0.003 + 0.00512 W, of both directions together).
-STEEPEST_DEG = 15.0
+_STEEPEST_DEG = 15.0
 
 #: First and last x, y and z, m.
 Extent = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
@@ -57,7 +57,7 @@ class Tank(Part):
     surface_slope_deg: float = number(
         0.0, "deg",
         "rms slope of waves on the water surface, across and along the tank each; their mean over time",
-        Acts.WAVES, low=0.0, high=STEEPEST_DEG, neutral=0.0, later=True,
+        Acts.WAVES, low=0.0, high=_STEEPEST_DEG, neutral=0.0, later=True,
     )  # fmt: skip
 
     @model_validator(mode="before")

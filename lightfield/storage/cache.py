@@ -12,7 +12,7 @@ from pathlib import Path
 
 from lightfield.errors import OutputError
 
-VARIABLE = "LIGHTFIELD_CACHE"
+_VARIABLE = "LIGHTFIELD_CACHE"
 #: What the compiled kernels of a command take at most, about (a hundred of 40 kB, as renders leave them).
 LEAST_ROOM_BYTES = 4_000_000
 
@@ -28,13 +28,13 @@ def cache_dir() -> Path:
     OutputError
         LIGHTFIELD_CACHE names a folder that cannot be made or written.
     """
-    named = os.environ.get(VARIABLE)
+    named = os.environ.get(_VARIABLE)
     if named:
         folder = Path(named).expanduser().absolute()
         if problem := _problem(folder):
             raise OutputError(
                 "the cache folder cannot be used",
-                where=f"{VARIABLE}={named}",
+                where=f"{_VARIABLE}={named}",
                 found=problem,
                 remedy="name a writable one",
             )

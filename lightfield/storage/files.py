@@ -18,7 +18,7 @@ from pathlib import Path
 from lightfield.errors import OutputError
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-PROBE_BYTES = 1 << 20
+_PROBE_BYTES = 1 << 20
 MAKE_ROOM = "make room there, or choose another folder"
 # A temporary folder says who writes in it (machine, process), so that what a killed process left can be told.
 _MACHINE = f"{zlib.crc32(platform.node().encode()):08x}"
@@ -238,7 +238,7 @@ def _no_room(error: OSError | RuntimeError, file: Path) -> OSError | None:
         return error
     try:
         with file.open("ab") as lost:
-            lost.write(bytes(PROBE_BYTES))
+            lost.write(bytes(_PROBE_BYTES))
             lost.flush()
             os.fsync(lost.fileno())
     except OSError as found:

@@ -15,7 +15,7 @@ from lightfield.errors import LightfieldError, MeasurementError, OutputError, Sc
 
 Value = TypeVar("Value")
 MEGABYTE = 1_000_000
-STANDARD_INPUT = ("-", "/dev/stdin")
+_STANDARD_INPUT = ("-", "/dev/stdin")
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ def read_bytes(path: str | os.PathLike[str], kind: FileKind) -> bytes:
     """
     where = os.fspath(path)
     try:
-        if where in STANDARD_INPUT:
+        if where in _STANDARD_INPUT:
             data = sys.stdin.buffer.read(kind.most_bytes + 1)
         else:
             with _opened(where) as file:

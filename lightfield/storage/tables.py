@@ -15,7 +15,7 @@ from lightfield.storage.inputs import TABLE, FileKind, kept_by_file, kept_while,
 Value = TypeVar("Value")
 
 #: Coefficients of water, as in a scene; and numbers in any other unit, whose squares must not overflow.
-LARGEST_PER_M, LARGEST = 100.0, 1e30
+_LARGEST_PER_M, LARGEST = 100.0, 1e30
 
 
 def read_columns(path: str, columns: Sequence[str]) -> tuple[Array, ...]:
@@ -113,7 +113,7 @@ def _read(path: str, columns: tuple[str, ...], ordered: bool) -> tuple[Array, ..
             rule=f"columns {', '.join(columns)}", remedy="name the columns in the first line",
         )  # fmt: skip
     places = [header.index(name) for name in columns]
-    largest = [LARGEST_PER_M if name.endswith("_per_m") else LARGEST for name in columns]
+    largest = [_LARGEST_PER_M if name.endswith("_per_m") else LARGEST for name in columns]
     problems: list[Complaint] = []
     values: list[list[float]] = []
     numbers = [cells[place] for _, cells in rows for place in places if place < len(cells)]
@@ -140,7 +140,7 @@ def _read(path: str, columns: tuple[str, ...], ordered: bool) -> tuple[Array, ..
     if not problems and len(values) < 1 + ordered:
         problems.append(Complaint("fewer than two rows" if ordered else "no row"))
     if problems:
-        per_m = f" ({LARGEST_PER_M:g} per m)" if LARGEST_PER_M in largest else ""
+        per_m = f" ({_LARGEST_PER_M:g} per m)" if _LARGEST_PER_M in largest else ""
         rule = (
             f"numbers up to {LARGEST:g}"
             if not ordered

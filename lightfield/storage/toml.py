@@ -15,9 +15,9 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-MOST_NESTED = 8  # brackets and braces within each other
-MOST_NAMES = 16  # in a dotted key
-LONGEST_WORD = 1000  # a bare key, or a number
+_MOST_NESTED = 8  # brackets and braces within each other
+_MOST_NAMES = 16  # in a dotted key
+_LONGEST_WORD = 1000  # a bare key, or a number
 
 _WHOLE = re.compile(r"[+-]?(?:\d[\d_]*|0[xob][\da-fA-F_]+)", re.ASCII)
 # Strings, closed or not, and comments hold no structure; every alternative takes at least one character, and
@@ -85,16 +85,16 @@ def _check_limits(text: str) -> None:
             depth += (mark in "[{") - (mark in "]}")
         elif token["word"] and (problem := _problem_of(token, text)):
             raise _beyond(problem, text, token)
-        if dots >= MOST_NAMES:
-            raise _beyond(f"more than {MOST_NAMES} names in a dotted key", text, token)
-        if depth > MOST_NESTED:
-            raise _beyond(f"more than {MOST_NESTED} values within each other", text, token)
+        if dots >= _MOST_NAMES:
+            raise _beyond(f"more than {_MOST_NAMES} names in a dotted key", text, token)
+        if depth > _MOST_NESTED:
+            raise _beyond(f"more than {_MOST_NESTED} values within each other", text, token)
 
 
 def _problem_of(token: re.Match[str], text: str) -> str | None:
     word = token["word"]
-    if len(word) > LONGEST_WORD:
-        return f"a word of {len(word)} characters, at most {LONGEST_WORD}"
+    if len(word) > _LONGEST_WORD:
+        return f"a word of {len(word)} characters, at most {_LONGEST_WORD}"
     part_of_float = "." in (text[token.start() - 1 : token.start()], text[token.end() : token.end() + 1])
     if len(word) > 18 and not part_of_float and _WHOLE.fullmatch(word):
         digits = word.lstrip("+-").replace("_", "")

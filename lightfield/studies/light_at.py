@@ -22,11 +22,11 @@ Points = tuple[Array, Array, Array]
 #: Farthest distance that is asked about, m: in the clearest water e^-20 of the light is left there.
 FARTHEST_M = 1000.0
 #: Of the lamp's light: less cannot be squared, and is told from nothing by no detector.
-LEAST_LEFT = 1e-100
+_LEAST_LEFT = 1e-100
 
 
 #: Parts of the band: 3 nm in one of 60 nm, so that a narrow filter over the steep rise of water is right.
-PARTS = 20
+_PARTS = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def light_at(scene: Scene, x_m: Array, y_m: Array, z_m: Array, trace: DiffuseSou
         None: direct light alone.
     """
     scene = lit(scene)
-    at, power = over_first_band(scene, PARTS)
+    at, power = over_first_band(scene, _PARTS)
     share = power / power.sum() if power.sum() > 0 else np.full(len(power), 1.0 / len(power))
     places = (x_m, y_m, z_m)
     direct = sum(
@@ -123,7 +123,7 @@ def refuse_dark(scene: Scene, z_m: Sequence[float], *, where: str | None = None,
     Raises
     ------
     UsageError
-        Less than `LEAST_LEFT` is left there.
+        Less than `_LEAST_LEFT` is left there.
     SceneError
         There was none in the scene's bands.
     """
@@ -135,9 +135,9 @@ def refuse_dark(scene: Scene, z_m: Sequence[float], *, where: str | None = None,
 
 def refuse_dark_light(z_m: Array, direct: Array, *, where: str | None, remedy: str) -> None:
     """As `refuse_dark`, by the direct light at the distances for unit intensity, shape (n,)."""
-    if dark := [f"{z:g}" for z, there in zip(z_m, direct * z_m**2, strict=True) if not there > LEAST_LEFT]:
+    if dark := [f"{z:g}" for z, there in zip(z_m, direct * z_m**2, strict=True) if not there > _LEAST_LEFT]:
         raise UsageError(
             "no light is left so far from the lamp", where=where, found=f"{', '.join(dark)} m",
-            rule=f"direct light times squared distance more than {LEAST_LEFT:g} of the lamp's intensity",
+            rule=f"direct light times squared distance more than {_LEAST_LEFT:g} of the lamp's intensity",
             remedy=remedy,
         )  # fmt: skip

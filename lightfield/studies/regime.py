@@ -31,10 +31,10 @@ RECEIVERS: dict[str, dict[str, Any]] = {
 ERRORS = (0.05, 0.10, 0.25)
 #: Albedo and error that are told of in a sentence.
 _TYPICAL, _WITHIN = 0.8, 0.10
-DISTANCE_M, CELL_M = 5.0, 0.05
+_DISTANCE_M, _CELL_M = 5.0, 0.05
 #: A lamp on the axis along which it is asked about.
 AIMED = dict.fromkeys(("offset_x_m", "offset_y_m", "tilt_x_deg", "tilt_y_deg"), 0.0)
-RECEIVER = "receiver"
+_RECEIVER = "receiver"
 
 
 def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
@@ -58,7 +58,7 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
         "lamp": {**parts["lamp"], **AIMED},
         "water": {"phase": parts["water"]["phase"], "absorption_per_m": 0.1},
         "detector": {
-            "planes_m": [DISTANCE_M], "width_m": 3 * CELL_M, "pixels": 3,
+            "planes_m": [_DISTANCE_M], "width_m": 3 * _CELL_M, "pixels": 3,
             "bands_nm": [scene.detector.bands_read_nm[0]],
         },
     }  # fmt: skip
@@ -68,9 +68,9 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
         for key, default in (("quantity", "irradiance"), ("full_angle_deg", 2.0), ("aim", "axis"))
     }
     axes = [
-        Axis(RECEIVER, receivers),
+        Axis(_RECEIVER, receivers),
         Axis(ALBEDO, {ALBEDO: ALBEDOS}),
-        Axis(ATTENUATION, {ATTENUATION: tuple(depth / DISTANCE_M for depth in OPTICAL_DEPTHS)}),
+        Axis(ATTENUATION, {ATTENUATION: tuple(depth / _DISTANCE_M for depth in OPTICAL_DEPTHS)}),
     ]
     return make_plan(Scene.from_dict(parts), axes, settings)
 
@@ -78,7 +78,7 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
 def regime_of(store: xr.Dataset) -> xr.Dataset:
     """The regime map of a store that `regime_plan` was run into; see `regime_map`."""
     quantity = store.attrs["quantity"]
-    on_axis = store.isel(wavelength_nm=0, z_m=0).transpose(RECEIVER, ALBEDO, ATTENUATION, ...)
+    on_axis = store.isel(wavelength_nm=0, z_m=0).transpose(_RECEIVER, ALBEDO, ATTENUATION, ...)
     names = (f"on_axis_{quantity}", f"on_axis_{quantity}_stderr", "formula_error_on_axis")
     render, stderr, error = (np.asarray(on_axis[name].values, float) for name in names)
     return regime_map(render, stderr, error, OPTICAL_DEPTHS, ALBEDOS, tuple(RECEIVERS))

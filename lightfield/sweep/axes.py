@@ -21,7 +21,7 @@ COMPOUND = {
     ATTENUATION: ("1/m", "beam attenuation coefficient c = a + b"),
     ALBEDO: ("1", "single-scattering albedo b / c"),
 }
-COMPOUND_SETS = ("water.absorption_per_m", "water.scattering_per_m")
+_COMPOUND_SETS = ("water.absorption_per_m", "water.scattering_per_m")
 FORMS = "start:stop:count, start:stop:count:log, or value,value,..."
 
 
@@ -252,7 +252,7 @@ def checked_axes(axes: Sequence[Axis], scene: Scene) -> list[Axis]:
         )
     compound = [path for path in paths if path in COMPOUND]
     for path in paths:
-        if compound and path in COMPOUND_SETS:
+        if compound and path in _COMPOUND_SETS:
             raise UsageError(
                 "both set absorption and scattering",
                 found=f"{path} and {compound[0]}",
@@ -347,7 +347,7 @@ def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Sce
     """
     values = dict(values)
     if ATTENUATION in values or ALBEDO in values:
-        a, b = (float(scene.get(path)) for path in COMPOUND_SETS)
+        a, b = (float(scene.get(path)) for path in _COMPOUND_SETS)
         c = float(values.pop(ATTENUATION, a + b))
         albedo = float(values.pop(ALBEDO, b / (a + b) if a + b else 0.0))
         if not 0 <= albedo <= 1 or c < 0:
@@ -357,7 +357,7 @@ def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Sce
                 found=(c, albedo),
                 rule="attenuation from 0, albedo 0 to 1",
             )
-        values |= {COMPOUND_SETS[0]: c * (1 - albedo), COMPOUND_SETS[1]: c * albedo}
+        values |= {_COMPOUND_SETS[0]: c * (1 - albedo), _COMPOUND_SETS[1]: c * albedo}
     if not validate:
         values = {path: _made(scene, path, value) for path, value in values.items()}
     return scene.with_values(values, validate=validate)

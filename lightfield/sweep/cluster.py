@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 CONNECT_SECONDS = 15
 #: In which workers begin, and one second more for each of them; a busy machine takes half a minute.
-WORKER_SECONDS = 150
+_WORKER_SECONDS = 150
 _WARNINGS = "PYTHONWARNINGS"
-LOOPBACK = "127.0.0.1"  # whoever reaches a scheduler or a worker can run code in it: nobody from outside
+_LOOPBACK = "127.0.0.1"  # whoever reaches a scheduler or a worker can run code in it: nobody from outside
 
 
 def check_workers(workers: int, scheduler: str | None, memory_gb: float | None) -> None:
@@ -141,9 +141,9 @@ def _local(workers: int, memory_gb: float | None) -> Iterator[Client]:
                 threads_per_worker=1,
                 processes=workers > 0,
                 memory_limit=limit,
-                host=LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
-                dashboard_address=f"{LOOPBACK}:0",
-                worker_dashboard_address=f"{LOOPBACK}:0",
+                host=_LOOPBACK if workers else None,  # None: nothing listens for work, all is one process
+                dashboard_address=f"{_LOOPBACK}:0",
+                worker_dashboard_address=f"{_LOOPBACK}:0",
                 silence_logs=logging.CRITICAL,
             )
             stack.enter_context(cluster)
@@ -168,7 +168,7 @@ def _wait_for_workers(client: Client, count: int, where: str, remedy: str) -> No
     """
     from distributed import TimeoutError as TooLate
 
-    limit_s = WORKER_SECONDS + count
+    limit_s = _WORKER_SECONDS + count
     try:
         client.wait_for_workers(count, timeout=limit_s)
     except TooLate as error:

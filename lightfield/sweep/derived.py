@@ -25,7 +25,7 @@ from lightfield.scene.in_tank import ROUNDING_M
 from lightfield.scene.lamp.frame import axis_at
 from lightfield.scene.listed import OWN_FIELD
 
-ENOUGH_KNOWN, FEWEST_CELLS = 0.02, 3.5  # relative error of a cell, cells in a half width
+_ENOUGH_KNOWN, _FEWEST_CELLS = 0.02, 3.5  # relative error of a cell, cells in a half width
 #: The formula's light is attenuated along the way to the middle of a cell, or of its parts: ways to the sides
 #: of one differ by less than this, m. And parts of a plane at most.
 _ONE_WAY_M, _MOST_PARTS = 0.03, 1_000_000
@@ -300,7 +300,7 @@ def half_width(value: Array, stderr: Array, grid: Grid) -> HalfWidth:
     noise = float(np.median(stderr[bright] / value[bright]))
     # The spot is found on cells that are known to 2 %: noise of more than that bends its contour and its top.
     cells = np.sqrt(np.count_nonzero(bright) / np.pi)  # in a half width
-    n = int(np.clip(np.ceil(noise / ENOUGH_KNOWN), 1, max(1, cells // FEWEST_CELLS)))
+    n = int(np.clip(np.ceil(noise / _ENOUGH_KNOWN), 1, max(1, cells // _FEWEST_CELLS)))
     value, variance = (_coarse(part, n) for part in (value, stderr**2))
     x_m, y_m = (_coarse(c[None, :].repeat(n, 0), n)[0] for c in (grid.x_m, grid.y_m))
     spot = spot_shape(value, x_m, y_m)

@@ -14,10 +14,10 @@ from lightfield.sweep.sharing import Trace
 from lightfield.sweep.sweep_plan import SweepPlan
 
 # Of one core of an ordinary machine; they serve the estimate alone.
-PHOTONS_PER_SECOND = 1.5e5
-SECONDS_PER_VALUE = 5e-7  # of a map: evaluated, measured, compressed
-BYTES_PER_VALUE = 3.3  # of a map on disk, after compression
-PROGRAM_BYTES = 450e6
+_PHOTONS_PER_SECOND = 1.5e5
+_SECONDS_PER_VALUE = 5e-7  # of a map: evaluated, measured, compressed
+_BYTES_PER_VALUE = 3.3  # of a map on disk, after compression
+_PROGRAM_BYTES = 450e6
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,15 @@ class Cost:
 def sweep_cost(plan: SweepPlan) -> Cost:
     """Cost of a plan, photon budgets spent in full."""
     values = float(plan.cases.count) * plan.cells * plan.bands
-    maps = 2 * BYTES_PER_VALUE * values if plan.settings.maps else 0.0
+    maps = 2 * _BYTES_PER_VALUE * values if plan.settings.maps else 0.0
     derived = 10 * 8.0 * plan.cases.count * plan.bands * plan.grids[0].shape[0]
     tally = max((_tally_bytes(plan, trace) for trace in plan.traces), default=0.0)
     return Cost(
-        len(plan.traces) * plan.settings.max_photons / PHOTONS_PER_SECOND,
-        values * SECONDS_PER_VALUE,
+        len(plan.traces) * plan.settings.max_photons / _PHOTONS_PER_SECOND,
+        values * _SECONDS_PER_VALUE,
         maps + derived,
         # The sums, and twice the response while it is taken from them.
-        PROGRAM_BYTES + 3 * tally,
+        _PROGRAM_BYTES + 3 * tally,
     )
 
 

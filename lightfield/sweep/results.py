@@ -23,7 +23,7 @@ from lightfield.sweep import journal
 from lightfield.sweep.axes import apply
 from lightfield.sweep.zarrfile import CONSOLIDATED, refuse_foreign_metadata
 
-GIVE = "give what a sweep wrote"
+_GIVE = "give what a sweep wrote"
 
 
 #: Digits to which a value may be rounded: 0.0464, as figures print it, means the step 0.046416; and those a
@@ -65,7 +65,7 @@ def verify(path: str | Path) -> Soundness:
     """
     store = Path(path)
     if not (store / CONSOLIDATED).is_file() and not (store / journal.NAME).is_file():
-        raise OutputError("not a sweep's store", where=str(path), remedy=GIVE)
+        raise OutputError("not a sweep's store", where=str(path), remedy=_GIVE)
     if not (store / journal.NAME).is_file():
         raise OutputError(
             "this store has no journal, so nothing tells whether its numbers are right", where=str(path),

@@ -18,9 +18,9 @@ from lightfield.sweep.sweep_plan import SweepPlan
 from lightfield.sweep.zarrfile import Variable
 from lightfield.version import __version__
 
-STATUS = ("pending", "done", "failed")
+_STATUS = ("pending", "done", "failed")
 MESSAGE = "<U240"
-AREA_UNITS = {"irradiance": "W nm-1", "scalar_irradiance": "W nm-1", "radiance": "W sr-1 nm-1"}
+_AREA_UNITS = {"irradiance": "W nm-1", "scalar_irradiance": "W nm-1", "radiance": "W sr-1 nm-1"}
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def _state_variables(plan: SweepPlan) -> dict[str, Variable]:
     """The state of every case."""
     dims, shape = tuple(axis.name for axis in plan.cases.axes), plan.cases.shape
     variables: dict[str, Variable] = {}
-    flags: dict[str, Any] = {"flag_values": [0, 1, 2], "flag_meanings": " ".join(STATUS)}
+    flags: dict[str, Any] = {"flag_values": [0, 1, 2], "flag_meanings": " ".join(_STATUS)}
     for name, dtype, about in (
         ("status", "i1", {"long_name": "state of the case", **flags}),
         ("message", MESSAGE, {"long_name": "why it failed"}),
@@ -166,10 +166,10 @@ def quantity_of(plan: SweepPlan) -> tuple[str, str, str, str]:
     varied = {q for axis in plan.cases.axes for q in axis.values.get("detector.quantity", ())}
     if len(varied) < 2:
         quantity = varied.pop() if varied else plan.cases.scene.detector.quantity
-        return quantity, *QUANTITIES[quantity], AREA_UNITS[quantity]
+        return quantity, *QUANTITIES[quantity], _AREA_UNITS[quantity]
     # One variable for several quantities: each in its own unit, told by the coordinate.
     units = ", ".join(f"{q}: {QUANTITIES[q][0]}" for q in sorted(varied))
-    area = ", ".join(f"{q}: {AREA_UNITS[q]}" for q in sorted(varied))
+    area = ", ".join(f"{q}: {_AREA_UNITS[q]}" for q in sorted(varied))
     return "reading", units, "light at the detector, in the unit of its quantity", area
 
 

@@ -22,11 +22,11 @@ from lightfield.sweep.cases import Cases
 MOST_SPREAD = 1.5
 # Reflected light that scattered more often than a tally tells apart is known of other water to a part of
 # 0.4 |ln(b / b0)| (`open_ended`). It is most of all in dense water: there b may differ by a tenth.
-MOST_UNTOLD = 0.1
+_MOST_UNTOLD = 0.1
 # What molecules scatter is counted as forward scattering where a trace has fewer of them: of so many of a
 # photon's scatterings by the farthest plane. Cells are then wrong by a tenth of it, a third at worst, and
 # power on a plane by less.
-MOST_OTHER = 0.02
+_MOST_OTHER = 0.02
 # Most of what walls send on, for the length of light's way between them: a bound of the allowed albedo's.
 _WHITEST = 0.98
 
@@ -83,8 +83,8 @@ def served_together(
     if len(left) == 1:  # as most are where every case has a beam of its own
         return left, left[:0]
     some, far, chord = waters[left], far_m[left[0]], chord_m[left[0]]
-    near = (_spread(some, far, chord) <= MOST_SPREAD) & (_untold(some, far) <= MOST_UNTOLD)
-    near &= _other_molecules(some, far) <= MOST_OTHER
+    near = (_spread(some, far, chord) <= MOST_SPREAD) & (_untold(some, far) <= _MOST_UNTOLD)
+    near &= _other_molecules(some, far) <= _MOST_OTHER
     near[near] = _same_reflections(waters[left][near])
     return left[near], left[~near]
 

@@ -31,7 +31,7 @@ from lightfield.sweep.schema import MESSAGE, SweepKind, axes_as_plain
 from lightfield.sweep.sweep_plan import SweepPlan
 from lightfield.version import __version__
 
-FORMAT = 5  # of the store; raised whenever the same plan would give other numbers
+_FORMAT = 5  # of the store; raised whenever the same plan would give other numbers
 
 
 class SweepStore:
@@ -260,7 +260,7 @@ def fingerprint(plan: SweepPlan, kind: SweepKind) -> dict[str, Any]:
             "lightfield": __version__,
             "mitsuba": version("mitsuba"),
             "drjit": version("drjit"),
-            "store format": str(FORMAT),
+            "store format": str(_FORMAT),
             "transport format": str(TRANSPORT_FORMAT),
         },
     }

@@ -28,7 +28,7 @@ from lightfield.sweep.axes import Axis, apply, checked_axes
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.sharing import Trace, common_reference, served_together
 
-BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
+_BLOCK_BYTES = 24e6  # of one variable's maps, uncompressed: small enough to lose, large enough to compress
 BLOCK_CASES = 256
 MOST_CASES = 2_000_000
 _SEEDS = 4_000_000  # more than there can be traces; the tracer's seed * 1009 + batch stays below 2**32
@@ -163,7 +163,7 @@ def make_plan(scene: Scene, axes: list[Axis], settings: SweepSettings) -> SweepP
     chord = np.array([_chord_m(scene) for _, scene in cases.subset(grid_axes)])[of_grid]
     traces, trace_of_case = _traces(cases, settings, transport, far, chord, waters, problems)
     bands = len(scene.detector.bands_nm)
-    limit = int(np.clip(BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
+    limit = int(np.clip(_BLOCK_BYTES / (4 * np.prod(grids[0].shape) * bands), 1, BLOCK_CASES))
     chunks = _chunks(cases.shape, list(transport), limit)
     blocks = _blocks(cases.shape, chunks, trace_of_case)
     return SweepPlan(cases, settings, chunks, traces, blocks, trace_of_case, problems, grids, grid_axes)

@@ -42,8 +42,8 @@ from lightfield.sweep.store import trace_file
 from lightfield.sweep.sweep_plan import Block, SweepPlan, SweepSettings
 from lightfield.sweep.zarrfile import Variable
 
-EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
-TELL_EVERY_S = 1.0
+_EVALUATE_BYTES = 64e6  # of the batches of maps that are evaluated in one go
+_TELL_EVERY_S = 1.0
 _GEOMETRY = TRACED | Acts.PLACES
 _Geometry = tuple[GridFormula | None, tuple[np.ndarray, np.ndarray]]
 # One thread at a time computes: Dr.Jit's state is the process's, and two responses need twice the memory.
@@ -167,7 +167,7 @@ def _to_whoever_waits(number: int, path: Path) -> Listener:
 
     def listener(words: str, part: float) -> None:
         now = time.monotonic()
-        if now - told_at[0] >= TELL_EVERY_S:
+        if now - told_at[0] >= _TELL_EVERY_S:
             told_at[0] = now
             worker.log_event(topic_of(path), {"trace": number, "part": part})
 
@@ -248,7 +248,7 @@ def evaluated(
 
     mean and stderr have shape (n_bands, n_planes, n_y, n_x) and absolute units.
     """
-    most = max(1, int(EVALUATE_BYTES / (8 * response.tally.shape[0] * response.tally.shape[2])))
+    most = max(1, int(_EVALUATE_BYTES / (8 * response.tally.shape[0] * response.tally.shape[2])))
 
     def together(pair: tuple[int, Scene]) -> tuple[object, ...]:
         i, scene = pair

@@ -22,7 +22,7 @@ from lightfield.storage.files import atomic_path
 from lightfield.sweep.journal import digest
 
 CONSOLIDATED = ".zmetadata"
-DIMENSIONS = "_ARRAY_DIMENSIONS"  # where xarray looks for the names of the dimensions
+_DIMENSIONS = "_ARRAY_DIMENSIONS"  # where xarray looks for the names of the dimensions
 _DTYPE = re.compile(r"[<>]f[48]|[<>|]i[1248]|[<>]U[1-9]\d{0,5}")
 
 
@@ -67,7 +67,7 @@ def metadata_files(variables: Mapping[str, Variable], attrs: Mapping[str, Any]) 
     metadata: dict[str, Any] = {".zgroup": {"zarr_format": 2}, ".zattrs": dict(attrs)}
     for name, variable in variables.items():
         metadata[f"{name}/.zarray"] = variable.metadata()
-        metadata[f"{name}/.zattrs"] = {**variable.attrs, DIMENSIONS: list(variable.dims)}
+        metadata[f"{name}/.zattrs"] = {**variable.attrs, _DIMENSIONS: list(variable.dims)}
     whole = {"zarr_consolidated_format": 1, "metadata": metadata}
     return {key: as_json(content) for key, content in {**metadata, CONSOLIDATED: whole}.items()}
 

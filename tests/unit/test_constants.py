@@ -45,6 +45,30 @@ def test_a_number_in_a_function_has_a_name() -> None:
     assert not inside, "\n".join(inside)
 
 
+def test_a_constant_that_one_module_uses_has_an_underscore() -> None:
+    """A name without one is looked up from elsewhere, and so means one thing there."""
+    top = HOUSE.parent
+    texts = {
+        m: m.read_text(encoding="utf-8") for d in (HOUSE, TESTS, top / "benchmarks") for m in d.rglob("*.py")
+    }
+    words = {module: set(re.findall(r"\w+", text)) for module, text in texts.items()}
+    idle = [
+        f"{module.relative_to(HOUSE)}: {name}"
+        for module in HOUSE.rglob("*.py")
+        for node in ast.parse(texts[module]).body
+        if isinstance(node, (ast.Assign, ast.AnnAssign))
+        for name in assigned(node)
+        if re.fullmatch(r"[A-Z][A-Z0-9_]+", name)
+        if not any({name, *_called(module)} <= known for other, known in words.items() if other != module)
+    ]
+    assert not idle, "\n".join(idle)
+
+
+def _called(module: Path) -> set[str]:
+    """Its own name; of a package that of its folder."""
+    return {module.parent.name if module.name == "__init__.py" else module.stem}
+
+
 def test_a_number_with_a_name_says_where_it_comes_from() -> None:
     """In a comment right above it."""
     bare = [

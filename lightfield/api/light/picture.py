@@ -19,7 +19,7 @@ from lightfield.scene import Scene
 if TYPE_CHECKING:
     from lightfield.report.style import Axes
 
-COLOURS = ("red", "green", "blue")
+_COLOURS = ("red", "green", "blue")
 
 
 class Picture(Result[camera.Picture]):
@@ -63,7 +63,7 @@ class Picture(Result[camera.Picture]):
         light = xr.DataArray(
             self.details.rgb,
             dims=("row", "column", "colour"),
-            coords={"colour": list(COLOURS)},
+            coords={"colour": list(_COLOURS)},
             attrs=about,
         )
         return light.to_dataset(name="rgb").assign_attrs(notes="; ".join(map(str, self.details.notes)))
@@ -71,14 +71,14 @@ class Picture(Result[camera.Picture]):
     def to_pandas(self) -> pd.DataFrame:
         """A row per pixel: row, column, and a column per colour."""
         row, column = (index.ravel() for index in np.indices(self.details.rgb.shape[:2]))
-        colours = dict(zip(COLOURS, self.details.rgb.reshape(-1, 3).T, strict=True))
+        colours = dict(zip(_COLOURS, self.details.rgb.reshape(-1, 3).T, strict=True))
         return pd.DataFrame({"row": row, "column": column} | colours)
 
     def summary(self) -> pd.DataFrame:
         """A row per colour: wavelength, middle and largest light."""
         flat = self.details.rgb.reshape(-1, 3)
         return pd.DataFrame({
-            "colour": COLOURS,
+            "colour": _COLOURS,
             "wavelength_nm": self.details.wavelength_nm,
             "median": np.median(flat, axis=0),
             "largest": flat.max(axis=0),

@@ -98,7 +98,7 @@ TRACING = ("rel_error", "max_photons", "seed")
 
 
 #: Those that have a letter, too.
-LETTERS = {"--output": "-o"}
+_LETTERS = {"--output": "-o"}
 
 
 def add_option(parser: _ActionsContainer, name: str, shown: object = None, **other: Any) -> None:
@@ -113,7 +113,7 @@ def add_option(parser: _ActionsContainer, name: str, shown: object = None, **oth
     """
     option = OPTIONS[name] | other
     told = option["help"].format(f"{shown:g}" if isinstance(shown, float) else shown)
-    parser.add_argument(*filter(None, (LETTERS.get(name), name)), **option | {"help": told})
+    parser.add_argument(*filter(None, (_LETTERS.get(name), name)), **option | {"help": told})
 
 
 def numbers(text: str, separator: str, where: str, rule: str | None = None) -> list[float]:

@@ -15,13 +15,13 @@ from lightfield.commands.shared.console import console
 from lightfield.progress import duration, heard_by, stopped
 
 #: Seconds between two lines; what is done before the first says nothing.
-EVERY_S = 10.0
+_EVERY_S = 10.0
 #: Of less than this part done, no time that is left can be told.
-TELLING = 0.01
+_TELLING = 0.01
 
 
 @contextmanager
-def status_lines(name: str, every_s: float = EVERY_S) -> Iterator[Callable[[str, float], None]]:
+def status_lines(name: str, every_s: float = _EVERY_S) -> Iterator[Callable[[str, float], None]]:
     """A line of how far the work is every so many seconds, also while the work itself says nothing.
 
     Yields
@@ -54,7 +54,7 @@ def status_lines(name: str, every_s: float = EVERY_S) -> Iterator[Callable[[str,
 def times(passed_s: float, done: float) -> str:
     """Time since the start, and how much is left if the rest is as slow."""
     words = f"{duration(passed_s)} so far"
-    if TELLING <= done < 1:
+    if _TELLING <= done < 1:
         words += f", about {duration(passed_s * (1 - done) / done)} left"
     return words
 

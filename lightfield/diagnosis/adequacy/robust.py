@@ -47,7 +47,7 @@ _EXACT = 1e-9
 _TOGETHER, _TOGETHER_PART = 3, 0.4
 #: Correlations considered, all equally likely. Of both signs: were none below 0, independent noise of 120
 #: readings would pass for one of 0.13 on average, and errors of fits be a tenth too large (test_robust.py).
-RHO_GRID = np.linspace(-0.5, 0.95, 30)
+_RHO_GRID = np.linspace(-0.5, 0.95, 30)
 #: Correlations closer than this are one. Derived: eigenvalues of that of 1e-3 lie between 0.998 and 1.002 of
 #: those of none, and chi-square with them.
 SAME_RHO = 1e-3
@@ -202,15 +202,15 @@ def serial_correlation(
         return Serial()
     rows = np.column_stack([rich, residual])[order]
     evidence = []
-    for rho in RHO_GRID:
+    for rho in _RHO_GRID:
         lag = np.where(same, rho ** np.maximum(gap, 1.0), 0.0)[:, None]
         root = np.sqrt(1 - lag**2)
         white = np.vstack([rows[:1], (rows[1:] - lag * rows[:-1]) / root])
         evidence.append(log_evidence(white, stated) - float(np.log(root).sum()))
     weight = np.exp(np.array(evidence) - max(evidence))
     share, parts = np.cumsum(weight) / weight.sum(), (np.arange(_QUANTILES) + 0.5) / _QUANTILES
-    levels = tuple(max(float(RHO_GRID[int(np.searchsorted(share, p))]), 0.0) for p in parts)
-    rho = float(weight @ RHO_GRID / weight.sum())
+    levels = tuple(max(float(_RHO_GRID[int(np.searchsorted(share, p))]), 0.0) for p in parts)
+    rho = float(weight @ _RHO_GRID / weight.sum())
     return Serial(rho if rho > SAME_RHO else 0.0, levels)
 
 

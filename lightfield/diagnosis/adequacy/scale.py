@@ -22,7 +22,7 @@ STATED_COUNT_AS = 2 / SCALE_SPREAD**2
 #: half and nearly twice of it no answer hangs (test_cascade.py).
 SMALLEST_SCALE = 0.5
 #: Beside fewer spare readings than this no scale is estimated. Chosen: from four its error is 70 %.
-FEWEST_TO_SCALE = 4
+_FEWEST_TO_SCALE = 4
 #: Points at which a deviance is asked for before its minimum is sought between two of them. Chosen.
 _SCALES_TRIED = 40
 #: Degree of the polynomials in ln(phi) that stand for the likelihood where each value of it takes a factor of
@@ -55,7 +55,7 @@ def noise_scale(
     """
     kept = np.flatnonzero(keep > 0)
     spare = len(kept) - rich.shape[1]
-    if spare < FEWEST_TO_SCALE:
+    if spare < _FEWEST_TO_SCALE:
         return 1.0
     outside = np.linalg.qr(rich[kept], mode="complete")[0][:, rich.shape[1] :]
     white = plain(plain(extra).T)[np.ix_(kept, kept)]
@@ -119,7 +119,7 @@ def scale_along(
     """
     kept = keep > 0
     spare = int(kept.sum()) - rich.shape[1]
-    if spare < FEWEST_TO_SCALE:
+    if spare < _FEWEST_TO_SCALE:
         return 1.0
     columns = np.column_stack([rich, residual])
     rest = float(np.asarray(np.linalg.qr(columns[kept], mode="r"))[-1, -1] ** 2)

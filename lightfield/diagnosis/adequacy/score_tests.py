@@ -27,7 +27,7 @@ from lightfield.diagnosis.problem.problem import Problem
 from lightfield.fitting.least_squares import Fit, Whiten
 
 SPANS = ("x", "plane", "time")
-SCANS = ("bump", "ripple", "step", "one plane")
+_SCANS = ("bump", "ripple", "step", "one plane")
 #: A template that keeps less than this part of its length beside the free parameters is absorbed by them.
 #: Chosen: forward differences over a hundredth of the typical size (`candidates.STEP`) are hardly better.
 ABSORBED = 1e-3
@@ -38,10 +38,10 @@ _VISIBLE = 0.05
 #: in the standard error, as tables are wrong (tests/physics/found/test_diagnosis.py has 1.7).
 VARIANCE_EXCESS = 4.0
 #: More scatter than that is a misfit when it has this chance. Chosen: a tenth of ALPHA, which it adds to.
-EXCESS_LEVEL = 1e-3
+_EXCESS_LEVEL = 1e-3
 #: Fewer readings than this beyond what the tests use up cannot tell the noise; its scale is taken as stated.
 #: Chosen: the error of a scale from four is 70 %.
-FEWEST_SPARE = 4
+_FEWEST_SPARE = 4
 #: Fewer than this, and the smooth unknowns but for those across the beam are taken to be absent from the
 #: scale's misfit: it is known to 50 %, and what they would take from it is not. Chosen; on half and one and a
 #: half of it no answer hangs (test_cascade.py).
@@ -119,7 +119,7 @@ class Adequacy:
 
     def passes(self, alpha: float) -> bool:
         """Nothing is missing at family-wise level `alpha`, and the scatter is credible."""
-        return self.p > alpha and self.excess_p > EXCESS_LEVEL
+        return self.p > alpha and self.excess_p > _EXCESS_LEVEL
 
 
 def _score(template: Template, free: Array) -> Score:
@@ -263,7 +263,7 @@ class _Views:
         self._fitted = {name: columns.T @ free for name, columns in unknowns.items()}
         #: Columns of each scan that the fit leaves visible, and their lengths.
         self._scans: dict[str, tuple[NDArray[np.bool_], Array]] = {}
-        for name in SCANS:
+        for name in _SCANS:
             before, after = (np.linalg.norm(each[name], axis=0) for each in (unknowns, rest))
             visible = after > _VISIBLE * np.maximum(before, TINY)
             self._scans[name] = visible, after[visible]
@@ -303,7 +303,7 @@ class _Views:
         if kept - free.shape[1] - reach.shape[1] < _FEWEST_BESIDE_ALL:
             reach = basis(np.hstack([whole("effects"), within("x")]))
         spare = kept - free.shape[1] - reach.shape[1]
-        self.scale_taken = spare < FEWEST_SPARE
+        self.scale_taken = spare < _FEWEST_SPARE
         self.nu, self._known = _CERTAIN if self.scale_taken else spare + count_as, count_as
         self._reach = reach
         self._parts = tuple(parts)

@@ -23,7 +23,7 @@ BUMP_WIDTH_M = 0.06
 #: Cycles over the angles that the readings span: effects change slower than this. Half a cycle apart, two
 #: ripples are as far from each other as their phases are; at most so many are tried, each at so many phases.
 #: Chosen; on three quarters and one and a half of the first no answer hangs (test_cascade.py).
-SLOWEST_RIPPLE, _RIPPLES_APART, MOST_RIPPLES, _PHASES = 4.0, 0.5, 40, 4
+SLOWEST_RIPPLE, _RIPPLES_APART, _MOST_RIPPLES, _PHASES = 4.0, 0.5, 40, 4
 #: Cosines of the time of so many readings, and of fewer. Chosen.
 _TIME_TERMS, _MANY, _TIME_TERMS_OF_FEW = 6, 80, 2
 #: Cosines across the beam at most; at every distance at most, of so many readings for each. Chosen: what a
@@ -143,7 +143,7 @@ def ripple_periods_rad(layout: Layout) -> Array:
     """Periods in the angle from the axis, shorter than any effect's, no shorter than readings show."""
     levels, extent = _levels(layout.angle_rad), float(np.ptp(layout.angle_rad))
     cycles = np.arange(SLOWEST_RIPPLE, levels / 2, _RIPPLES_APART)
-    return np.asarray(extent / cycles[:: max(1, ceil(len(cycles) / MOST_RIPPLES))])
+    return np.asarray(extent / cycles[:: max(1, ceil(len(cycles) / _MOST_RIPPLES))])
 
 
 def ripples(layout: Layout, period_rad: float, phases: int) -> list[Array]:

@@ -17,7 +17,7 @@ Labels = NDArray[np.int_]
 
 #: Correlation lengths of a smooth error of the model: across the beam and along it, in metres. Chosen: an
 #: eighth of a scan and a third of the range of the tow tank's layout.
-ACROSS_M, ALONG_M = 0.25, 1.5
+_ACROSS_M, _ALONG_M = 0.25, 1.5
 #: A coordinate that varies by less, in metres or radians, does not vary. Chosen: rounding of a table.
 LEAST_RANGE = 1e-6
 #: Readings above this part of the largest one are bright: of all, or of those of their plane. Chosen: where
@@ -153,7 +153,7 @@ class Layout:
     @cached_property
     def _scaled(self) -> Array:
         """Places from their middle, in the lengths over which a smooth error changes, shape (n, 3)."""
-        places = np.column_stack([self.x_m / ACROSS_M, self.y_m / ACROSS_M, self.z_m / ALONG_M])
+        places = np.column_stack([self.x_m / _ACROSS_M, self.y_m / _ACROSS_M, self.z_m / _ALONG_M])
         return np.asarray(places - places.mean(axis=0))
 
     def subset(self, rows: NDArray[np.bool_]) -> Layout:

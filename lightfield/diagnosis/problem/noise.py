@@ -18,7 +18,7 @@ from lightfield.fitting.position_slope import position_slope
 
 #: How far a model error that is of no interest, and that of the response of diffuse light (of one trace), is
 #: the same in two bands. Chosen: on half of the first, or 0.99, no test of several bands hangs.
-CHANNELS_ALIKE, RESPONSES_ALIKE = 0.7, 0.99
+_CHANNELS_ALIKE, _RESPONSES_ALIKE = 0.7, 0.99
 #: So many readings are whitened as one. Chosen: time alone; what blocks leave out is _LEFT_OUT.
 WHITENED_WHOLE = 512
 #: Shared variance that is left out between blocks, in units of the reading's own: chi-square and determinant
@@ -151,9 +151,9 @@ class Noise:
 
     def _smooth_between(self, a: Labels, b: Labels, tolerance: float) -> Array:
         lay, out = self.layout, np.zeros((len(a), len(b)))
-        smooth = [(tolerance * self._bright, CHANNELS_ALIKE)] if tolerance > 0 else []
+        smooth = [(tolerance * self._bright, _CHANNELS_ALIKE)] if tolerance > 0 else []
         if self.response_error is not None and self.response_error.any():
-            smooth.append((self.response_error, RESPONSES_ALIKE))
+            smooth.append((self.response_error, _RESPONSES_ALIKE))
         if smooth:
             one_channel = lay.one_channel or lay.channel[a][:, None] == lay.channel[b][None]
             for part, share in smooth:

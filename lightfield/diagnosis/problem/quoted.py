@@ -18,7 +18,7 @@ MAD_TO_SIGMA = 1.4826
 #: scatter by a quarter, and by chance one of 25,000 is as tall.
 _TALL = 2.0
 #: Fewer standard errors than this say nothing about the others. Derived: the curve has three coefficients.
-FEWEST_STATED = 4
+_FEWEST_STATED = 4
 #: Fit of the variance curve: rounds of reweighting; spread of ln(variance) that is no scatter; spreads at
 #: which a weight is a half; smallest variance over the median one. Chosen: the curve of 300 errors that
 #: scatter by 11 % is good to 3 % (test_noise.py).
@@ -39,7 +39,7 @@ NO_LIGHT = 1e-100
 
 def errors_stated(quoted: Array) -> bool:
     """Does the table quote enough standard errors to go by?"""
-    return int(_stated(quoted).sum()) >= FEWEST_STATED
+    return int(_stated(quoted).sum()) >= _FEWEST_STATED
 
 
 def _stated(quoted: Array) -> NDArray[np.bool_]:

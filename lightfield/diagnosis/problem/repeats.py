@@ -16,7 +16,7 @@ from lightfield.readings.columns import PLACE_DECIMALS
 
 #: Visits of a place from which a gain error can be told from the readings' own. Chosen: of two there is one
 #: difference.
-FEWEST_VISITS = 3
+_FEWEST_VISITS = 3
 #: Visits from which a lamp that warms up can be told from them, and time constants that are tried, as part of
 #: the time between the first and the last. Chosen: twice the parameters.
 _WARMING_VISITS, _WARMING_TIMES = 6, tuple(np.geomspace(0.1, 1.0, 6))
@@ -77,10 +77,10 @@ def repeats_of(readings: Readings) -> Repeats | None:
         columns = (layout.x_m, layout.y_m, layout.z_m, layout.air, layout.channel)
         _, place = np.unique(np.round(np.stack(columns, axis=1), PLACE_DECIMALS), axis=0, return_inverse=True)
         rows: list[tuple[float, float, float, int]] = []
-        for label in np.flatnonzero(np.bincount(place[chosen]) >= FEWEST_VISITS):
+        for label in np.flatnonzero(np.bincount(place[chosen]) >= _FEWEST_VISITS):
             here = np.flatnonzero(chosen & (place == label))
             visits = [here[layout.visit[here] == v] for v in np.unique(layout.visit[here])]
-            if len(visits) < FEWEST_VISITS:
+            if len(visits) < _FEWEST_VISITS:
                 continue
             means = np.array([value[v].mean() for v in visits])
             errors = np.array([np.sqrt((stderr[v] ** 2).sum()) / len(v) for v in visits])

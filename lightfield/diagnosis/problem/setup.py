@@ -34,11 +34,11 @@ from lightfield.scene.water.coefficients import absorption_per_m, clearest_in
 
 #: Assumed when the table does not say, in per cent and mm. Chosen: what a tow tank's stage and lamp repeat
 #: to, and what nobody asks of a formula; the verdict lists what was assumed.
-PLANE_GAIN_PERCENT, POSITION_MM, TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
+PLANE_GAIN_PERCENT, _POSITION_MM, _TOLERANCE_PERCENT, OUTLIER_PERCENT = 0.3, 0.0, 0.3, 2.0
 #: Chosen: a radiometer calibrated by a standard lamp is good to a few per cent in the laboratory and to 5 to
 #: 10 % in water (Mueller et al. 2003, Ocean optics protocols, rev. 4, vol. II); so are most stated lamp
 #: powers.
-CALIBRATION_PERCENT = 10.0
+_CALIBRATION_PERCENT = 10.0
 #: The gain of absolute readings is looked for within so many errors of the calibration. Derived: the normal
 #: law; one of 370 lies beyond.
 _GAIN_SIGMAS = 3.0
@@ -70,14 +70,14 @@ _NO_LIGHT = 1e-60
 _FEWEST_TO_SPARE = 1
 #: Time and memory of a diagnosis grow with the readings, and with the readings times the distances at each of
 #: which the model may be wrong in its own way. Chosen: time and memory alone.
-MOST_READINGS, MOST_AT_DISTANCES = 20_000, 2_000_000
+_MOST_READINGS, _MOST_AT_DISTANCES = 20_000, 2_000_000
 #: Memory of traced light grows with the cells that are tallied for the places it is wanted at (0.6 to 0.9 GB
 #: for so many, benchmarks/diagnosis_size); a place by itself takes up to nine.
-MOST_CELLS, CELLS_ALONE = 3000, 9
+_MOST_CELLS, _CELLS_ALONE = 3000, 9
 #: Where the scene's own light is scattered and reflected, five classes of it are evaluated, each with errors
 #: of its own, for every explanation that is tried: so many readings take a minute and, with their trace, 2 GB
 #: (benchmarks/diagnosis_size).
-MOST_MURKY = 4000
+_MOST_MURKY = 4000
 
 
 def budget_of(readings: Readings) -> Budget:
@@ -92,22 +92,22 @@ def budget_of(readings: Readings) -> Budget:
     elif gain is None:
         assumed.append(Assumed(Term.PLANE_GAIN, PLANE_GAIN_PERCENT))
     if position is None:
-        assumed.append(Assumed(Term.POSITION, POSITION_MM))
+        assumed.append(Assumed(Term.POSITION, _POSITION_MM))
     if tolerance is None:
-        assumed.append(Assumed(Term.TOLERANCE, TOLERANCE_PERCENT))
+        assumed.append(Assumed(Term.TOLERANCE, _TOLERANCE_PERCENT))
     slips = stated.outlier_percent
     if slips is None:
         slips = OUTLIER_PERCENT
         assumed.append(Assumed(Term.OUTLIERS, slips))
     calibration = calibration_of(readings)
     if calibration is not None and stated.calibration_percent is None:
-        assumed.append(Assumed(Term.CALIBRATION, CALIBRATION_PERCENT))
+        assumed.append(Assumed(Term.CALIBRATION, _CALIBRATION_PERCENT))
     if not errors_stated(np.asarray(readings.stderr, float)):
         assumed.append(Assumed(Term.STDERR, 100 * ASSUMED_RELATIVE, floor_percent=100 * ASSUMED_FLOOR))
     return Budget(
         (PLANE_GAIN_PERCENT if gain is None else gain) / 100,
-        (POSITION_MM if position is None else position) / 1000,
-        (TOLERANCE_PERCENT if tolerance is None else tolerance) / 100,
+        (_POSITION_MM if position is None else position) / 1000,
+        (_TOLERANCE_PERCENT if tolerance is None else tolerance) / 100,
         gain is not None,
         tuple(assumed),
         slips / 100,
@@ -120,7 +120,7 @@ def calibration_of(readings: Readings) -> float | None:
     if readings.scale != "absolute":
         return None
     stated = readings.budget.calibration_percent
-    return (CALIBRATION_PERCENT if stated is None else float(stated)) / 100
+    return (_CALIBRATION_PERCENT if stated is None else float(stated)) / 100
 
 
 def base_parameters(forward: SceneForward, layout: Layout, value: Array) -> tuple[FitParameter, ...]:
@@ -279,12 +279,12 @@ def problem_of(
 def _check_size(layout: Layout, source: str) -> None:
     """Refuse what would take hours or all memory."""
     distances = len(np.unique(layout.plane_and_channel))
-    if layout.size > MOST_READINGS or layout.size * distances > MOST_AT_DISTANCES:
+    if layout.size > _MOST_READINGS or layout.size * distances > _MOST_AT_DISTANCES:
         raise FitError(
             "too many readings for one diagnosis",
             where=source or None,
             found=f"{layout.size} readings at {distances} distances (apart for each medium and wavelength)",
-            rule=f"at most {MOST_READINGS} readings, and {MOST_AT_DISTANCES} in the product of the two",
+            rule=f"at most {_MOST_READINGS} readings, and {_MOST_AT_DISTANCES} in the product of the two",
             remedy="diagnose every tenth reading, say, average what was read at one place, or round z_m",
         )
 
@@ -329,26 +329,26 @@ def source_of(
     """
     if diffuse is None:
         return None, Hindrance(Hinders.NOT_TRACED)
-    if scene.water.scattering_per_m > 0 and any(scene.reflectances) and len(readings) > MOST_MURKY:
+    if scene.water.scattering_per_m > 0 and any(scene.reflectances) and len(readings) > _MOST_MURKY:
         raise FitError(
             "too many readings where the scene both scatters and reflects",
             where=readings.source or None,
             found=f"{len(readings)} readings",
-            rule=f"at most {MOST_MURKY}",
+            rule=f"at most {_MOST_MURKY}",
             remedy="diagnose every third reading, say, or average what was read at neighbouring places",
         )
     if scene.lamp.profile in ("isotropic", "pencil") and not has_diffuse_light(scene):
         return None, Hindrance(Hinders.LAMP, profile=scene.lamp.profile)
-    if (cells := _cells(scene, readings)) > MOST_CELLS:
+    if (cells := _cells(scene, readings)) > _MOST_CELLS:
         if has_diffuse_light(scene):
             raise FitError(
                 "the scene's scattered and reflected light is wanted at too many places",
                 where=readings.source or None,
                 found=f"{cells} cells to trace it in, around {len(readings)} readings",
-                rule=f"at most {MOST_CELLS}",
+                rule=f"at most {_MOST_CELLS}",
                 remedy="diagnose a part of the readings, or round z_m: every distance has cells of its own",
             )
-        return None, Hindrance(Hinders.MANY_CELLS, cells=cells, most=MOST_CELLS)
+        return None, Hindrance(Hinders.MANY_CELLS, cells=cells, most=_MOST_CELLS)
     if callable(diffuse):
         return diffuse, None
     return response_for, None
@@ -357,7 +357,7 @@ def source_of(
 def _cells(scene: Scene, readings: Readings) -> int:
     """Cells that light would be traced in; 0 where they cannot be too many."""
     places = np.stack([readings.x_m, readings.y_m, readings.z_m], axis=1)
-    if CELLS_ALONE * len(np.unique(np.round(places, PLACE_DECIMALS), axis=0)) <= MOST_CELLS:
+    if _CELLS_ALONE * len(np.unique(np.round(places, PLACE_DECIMALS), axis=0)) <= _MOST_CELLS:
         return 0
     seen = scene.with_values({"lamp.hwhm_deg": beam_width_deg(scene, readings)}, validate=False)
     return cells_for(seen, *places.T)

@@ -20,7 +20,7 @@ from lightfield.memory import Latest
 _KEPT = 64
 
 #: Of many readings, so many are whitened at a time. Chosen: time alone.
-BLOCK = 128
+_BLOCK = 128
 
 
 class Whitener:
@@ -65,7 +65,7 @@ class Whitener:
     @cached_property
     def _factor(self) -> DenseFactor | ChainFactor:
         noise, tolerance, block = self.noise, self.tolerance, self._block
-        n, size = noise.layout.size, block or BLOCK
+        n, size = noise.layout.size, block or _BLOCK
         factor: DenseFactor | ChainFactor
         if n <= (block or WHITENED_WHOLE) or (block is None and self._is_one(size)):
             factor = DenseFactor(noise.covariance(self.rho, self.phi, tolerance))

@@ -41,7 +41,7 @@ from lightfield.fitting.least_squares import Fit, Whiten
 #: Level at which an explanation is given up: by chance a true one is lost in one case of a hundred. It must
 #: pass better than the base model does, by twice its p, but need not pass better than at the other. Chosen:
 #: on half and twice of that no answer hangs (test_cascade.py).
-ALPHA_EXPLANATION, _EASILY = 0.01, 0.2
+_ALPHA_EXPLANATION, _EASILY = 0.01, 0.2
 #: Chi-square for each reading, under errors with the tolerance, beyond which fits need not be made anew under
 #: these: what passes leaves one or two. Chosen: new weights lower it by less than half.
 _BEYOND_TOLERANCE = 10.0
@@ -296,7 +296,7 @@ def level_at(prepared: Prepared, tolerance: float, rng: np.random.Generator) -> 
 
 def level_for(level: Level) -> float:
     """Level at which explanations are given up: what passes must pass better than the base model does."""
-    return max(ALPHA_EXPLANATION, min(2 * level.adequacy.p, _EASILY))
+    return max(_ALPHA_EXPLANATION, min(2 * level.adequacy.p, _EASILY))
 
 
 def with_base(found: list[ScoredSet], level: Level, n: int) -> list[float]:

@@ -23,7 +23,7 @@ from lightfield.fitting.least_squares import Fit
 
 #: Effects that describe the readings worse than the best one by this factor in chi-square will not do, even
 #: by light of few photons. Chosen; with half and twice campaigns in scattering water have the same verdicts.
-FAR_FROM_BEST = 4.0
+_FAR_FROM_BEST = 4.0
 #: A description by effects is used when it lowers the sum of squares by this factor. Chosen: by chance one of
 #: 25 effects does so in one table in 16 of 100 readings; with a tenth or a fifth of it that are half and
 #: twice as large ten campaigns have the same verdicts.
@@ -92,7 +92,7 @@ def describe(
     known.sort(key=lambda one: one.fit.chi2)
     ranked = [ScoredSet(one.explanation, one.fit, one.fit.chi2) for one in known]
     # Light of few photons has large errors: which effect is the best shows only under its own.
-    near = [one for one in known if one.fit.chi2 < FAR_FROM_BEST * known[0].fit.chi2]
+    near = [one for one in known if one.fit.chi2 < _FAR_FROM_BEST * known[0].fit.chi2]
     judged = [_judged(problem, one.explanation, one.fit, whiten) for one in near]
     i = min(range(len(near)), key=lambda k: objective(judged[k]))
     best, (own, fit) = near[i], judged[i]

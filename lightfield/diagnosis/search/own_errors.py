@@ -19,7 +19,7 @@ from lightfield.fitting.least_squares import Fit
 from lightfield.render.diffuse.trace_errors import as_few
 
 #: Water that differs by so much, relatively, from the traced one is also looked for at that one. Chosen.
-FAR_FROM_TRACED = 0.2
+_FAR_FROM_TRACED = 0.2
 #: Fits under errors that the fit before has left behind. One that moves by less than this part of its own
 #: errors leaves those of the light as they are. Measured: the second of 61 moves was 0.04 of the first
 #: (median), and after one of less than 0.5 at most 0.04 of an error.
@@ -60,7 +60,7 @@ def from_valleys(
     says much of it, so that dense water is looked for at the traced one as well."""
     found = [under_own_errors(problem, explanation, fit, whiten)]
     more = problem.forward.light.factor_to_traced(found[0][1].values)
-    if abs(more - 1) > FAR_FROM_TRACED:
+    if abs(more - 1) > _FAR_FROM_TRACED:
         (candidate,), u = explanation, fit.u.copy()
         for i, parameter in enumerate(candidate.amplitudes, len(problem.base)):
             u[i] = np.clip(parameter.start + more * (u[i] - parameter.start), parameter.low, parameter.high)

@@ -29,7 +29,7 @@ ROUGH = 0.25
 #: repeats to (`setup.PLANE_GAIN_PERCENT`), where nothing is stated (`in_stays`).
 FLOOR = 0.0025
 #: Spots that are advised, and readings at each. Chosen.
-SPOTS, REPEATS = 3, 4
+_SPOTS, REPEATS = 3, 4
 #: Two spots closer than this part of the largest distance are one. Chosen.
 _APART = 0.04
 #: Possible places: how many across on a line, and in a plane, and along; from and to which part of the
@@ -156,7 +156,7 @@ def best_places(ways: Sequence[Way], places: PossiblePlaces) -> Advice:
     """Up to three spots, chosen one after the other, that best part two explanations whichever is true."""
     now = float(np.sqrt(min(way.now for way in ways)))
     chosen: list[int] = []
-    for _ in range(SPOTS):
+    for _ in range(_SPOTS):
         worst = np.min([way.now + way.gains for way in ways], axis=0)
         for i in chosen:
             away = (places.x_m - places.x_m[i]) ** 2 + (places.y_m - places.y_m[i]) ** 2

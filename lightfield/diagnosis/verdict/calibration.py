@@ -28,7 +28,7 @@ from lightfield.fitting.parameter import GAIN
 
 #: A gain this many standard errors from 1 is not the calibration's. Chosen: one right one of 370 is that far;
 #: with half of it more are (test_calibration.py).
-AGREES_SIGMA = 3.0
+_AGREES_SIGMA = 3.0
 EFFECT = "lamp_power"
 #: Factor on a lamp's power, to either side, that is looked at once it is known. Chosen: far beyond its error.
 _AROUND = 100.0
@@ -81,7 +81,7 @@ def power_limits(problem: Problem, base: Fit, calibration: float | None) -> dict
         return {}
     (allowed,) = power.amplitudes
     error = float(np.hypot(calibration, np.sqrt(base.covariance(1.0)[(base.paths.index(GAIN),) * 2])))
-    factor = float(np.exp((AGREES_SIGMA - special.ndtri(MISSED)) * error))
+    factor = float(np.exp((_AGREES_SIGMA - special.ndtri(MISSED)) * error))
     reachable = allowed.start * factor < allowed.high
     return {EFFECT: Limit(EFFECT, allowed.path, allowed.start * (factor - 1), reachable)}
 
@@ -102,7 +102,7 @@ def on_absolute_scale(
     phi = finding.level.phi
     explanations = finding.accepted or [ScoredSet((), finding.level.base, finding.level.base.chi2 / phi)]
     far = [sigmas_from_one(t.fit, t.scale if t.adequacy else phi, calibration) for t in explanations]
-    agreeing = [k for k, z in enumerate(far) if abs(z) <= AGREES_SIGMA]
+    agreeing = [k for k, z in enumerate(far) if abs(z) <= _AGREES_SIGMA]
     if agreeing:
         if len(agreeing) == len(far):
             return prepared, finding

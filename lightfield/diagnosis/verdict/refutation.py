@@ -33,7 +33,7 @@ _NO_EFFECT, _NOT_ASKED = (Hindrance(Hinders.NO_EFFECT),), (Hindrance(Hinders.NOT
 
 #: An effect can be left out when the readings are worse without it by less than this, in sigma.
 #: Chosen: noise alone makes it that in one case of 370.
-REMOVABLE_SIGMA = 3.0
+_REMOVABLE_SIGMA = 3.0
 #: A value is told with an effect of the scene free, where its error is then so many times as large. Chosen.
 _LESS_SURE = 1.5
 #: Chi-square by which a 95 % limit is worse than the best value, bounded on one side or on two (Wilks 1938,
@@ -72,7 +72,7 @@ class Judged:
     @property
     def judgement(self) -> Judgement:
         """What to call it; what is far off and yet not contradicted has a rival that explains as much."""
-        removable = self.sigma_to_remove is not None and self.sigma_to_remove < REMOVABLE_SIGMA
+        removable = self.sigma_to_remove is not None and self.sigma_to_remove < _REMOVABLE_SIGMA
         if self.contradicted:
             return Judgement.ABSENT if removable else Judgement.CONTRADICTED
         far = self.sigma_from_stated > CONTRADICTED_SIGMA
@@ -112,7 +112,7 @@ def _without(problem: Problem, tried: ScoredSet) -> ScoredSet:
         fit = problem.fit(rest, tried.test.whiten, [problem.model(rest).at(tried.fit.by_path)])
         worse = (fit.chi2 - tried.fit.chi2) / tried.adequacy.phi
         adequacy = tried.test(fit)
-        if _sigmas(worse, len(candidate.parameters)) < REMOVABLE_SIGMA and adequacy.passes(ALPHA):
+        if _sigmas(worse, len(candidate.parameters)) < _REMOVABLE_SIGMA and adequacy.passes(ALPHA):
             errors = {path: error for path, error in tried.errors.items() if path in fit.paths}
             tried = replace(
                 tried, explanation=rest, fit=fit, adequacy=adequacy, bic=tried.bic + worse, errors=errors

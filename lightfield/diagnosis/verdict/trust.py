@@ -21,10 +21,10 @@ from lightfield.readings import Readings
 
 #: Median error of a bright reading, per cent, beyond which readings name and exclude nothing. Chosen: what is
 #: called noise up there is as likely a mistake (a beam read with eight grey levels makes 13 %).
-SANE_NOISE_PERCENT = 10.0
+_SANE_NOISE_PERCENT = 10.0
 #: Errors may be quoted too small by this factor in variance before a scale that a misfit widens is no longer
 #: believed. Chosen: half of `score_tests.VARIANCE_EXCESS`, which readings without a misfit may show.
-CREDIBLE = 2.0
+_CREDIBLE = 2.0
 #: Readings come in steps where every value is there so many times in the mean. Chosen: of readings that are
 #: none hardly one comes again.
 _COME_AGAIN = 2.0
@@ -68,13 +68,13 @@ def error_scale(prepared: Prepared, finding: SearchResult) -> float:
     """
     scale = finding.level.bench.phi * finding.scale
     unexplained = finding.size is None and not (finding.withheld or finding.in_part)
-    return min(scale, CREDIBLE) if unexplained and prepared.errors_stated else scale
+    return min(scale, _CREDIBLE) if unexplained and prepared.errors_stated else scale
 
 
 def pure_error(finding: SearchResult) -> float:
     """Variance of the noise in units of the whitening: what nothing explains is none of it."""
     phi = finding.level.phi
-    return phi if finding.size is not None else min(phi, CREDIBLE / finding.level.bench.phi)
+    return phi if finding.size is not None else min(phi, _CREDIBLE / finding.level.bench.phi)
 
 
 def standard_errors(prepared: Prepared, finding: SearchResult) -> Array:
@@ -136,7 +136,7 @@ def set_aside(readings: Readings, trust: Trust, beyond: Mask) -> list[SetAside]:
 
 def says_nothing(prepared: Prepared, finding: SearchResult) -> bool:
     """Whether `trust_of` will doubt these readings whatever explains them, so that no more need be sought."""
-    if _rounding_percent(prepared) > SANE_NOISE_PERCENT:
+    if _rounding_percent(prepared) > _SANE_NOISE_PERCENT:
         return True
     problem = prepared.problem
     channels, excused = _channels(problem), finding.level.tolerance
@@ -151,9 +151,9 @@ def says_nothing(prepared: Prepared, finding: SearchResult) -> bool:
 def _doubt(prepared: Prepared, finding: SearchResult, fit: Fit, noise: float | None) -> Doubt | None:
     if noise is None:
         return Doubt(reason=DoubtReason.NOTHING_BRIGHT)
-    if (coarse := _rounding_percent(prepared)) > SANE_NOISE_PERCENT:
+    if (coarse := _rounding_percent(prepared)) > _SANE_NOISE_PERCENT:
         return Doubt(reason=DoubtReason.COARSE, noise_percent=coarse)
-    if noise > SANE_NOISE_PERCENT:
+    if noise > _SANE_NOISE_PERCENT:
         return Doubt(reason=DoubtReason.NOISE, noise_percent=noise)
     if (reason := _no_better_than_a_constant(prepared, finding, fit, noise)) is not None:
         return Doubt(reason=reason)

@@ -33,13 +33,13 @@ from lightfield.fitting.parameter import GAIN
 from lightfield.version import __version__
 
 PAGE = Path(__file__).parents[1] / "page"
-SCRIPTS = ("values.js", "plots.js", "maps.js", "panels.js", "kernel.js", "saved.js")
+_SCRIPTS = ("values.js", "plots.js", "maps.js", "panels.js", "kernel.js", "saved.js")
 #: Every so many places of a map are in the page: 21 along a side.
-EVERY = 2
+_EVERY = 2
 #: Of more wavelengths than these only the one that is shown has maps in the page. Chosen.
-MOST_MAPPED = 8
+_MOST_MAPPED = 8
 #: More readings than this are not whitened in the page: the matrix is their square.
-MOST_WHITENED = 500
+_MOST_WHITENED = 500
 
 DrawnModel = tuple[SceneForward, Mapping[str, float], Sequence[str]]
 
@@ -48,11 +48,11 @@ def page_html(session: Session) -> str:
     """The page."""
     session_arrays, experiment = PackedArrays(), session.experiment
     every = range(len(experiment.maps))
-    shown = every if len(every) <= MOST_MAPPED else [session.channel]
+    shown = every if len(every) <= _MOST_MAPPED else [session.channel]
     some = [some_places(experiment, k) if k in shown else None for k in every]
     stops = [_stop(session, state, label, some, session_arrays) for state, label in _stops(session)]
     e = session.experiment_data()
-    kept = np.arange(SIDE) % EVERY == 0
+    kept = np.arange(SIDE) % _EVERY == 0
     places = experiment.places
     e |= {"map_x_m": places.x_m[kept], "map_y_m": places.y_m[kept], "untestable": {}}
     n = len(experiment.readings)
@@ -65,7 +65,7 @@ def page_html(session: Session) -> str:
         "here": len(stops) - 1,
         "bright": session.fits.counted,
         "phi": experiment.phi,
-        "whiten": session_arrays.add(experiment.whiten(np.eye(n))) if n <= MOST_WHITENED else None,
+        "whiten": session_arrays.add(experiment.whiten(np.eye(n))) if n <= _MOST_WHITENED else None,
         "version": __version__,
         "verdict": session.verdict,
     }
@@ -89,7 +89,7 @@ def _stops(session: Session) -> list[tuple[State, str]]:
 
 def some_places(e: Experiment, channel: int = 0) -> SceneForward:
     """The model at every other place of the maps, at one of the wavelengths."""
-    return e.maps[channel].subset(e.places.some(np.arange(SIDE) % EVERY == 0))
+    return e.maps[channel].subset(e.places.some(np.arange(SIDE) % _EVERY == 0))
 
 
 def _stop(
@@ -136,7 +136,7 @@ def _stop(
 def _filled(data: str) -> str:
     """The page with style, scripts and data in it, and a policy that lets nothing else run or load."""
     style = (PAGE / "explorer.css").read_text(encoding="utf-8")
-    script = "\n".join((PAGE / name).read_text(encoding="utf-8") for name in SCRIPTS)
+    script = "\n".join((PAGE / name).read_text(encoding="utf-8") for name in _SCRIPTS)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     policy = f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:"
     html = (PAGE / "index.html").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from lightfield.arrays import Array, Mask
 from lightfield.readings.importing.repeat_noise import pooled_variance
 
 #: So many degrees of freedom tell what bands have in common; so many errors of it are no chance.
-FEWEST, SIGMAS = 8, 3.0
+_FEWEST, _SIGMAS = 8, 3.0
 #: Rounds in which bands' own scatter and their weights are found, and the part of the variance that each
 #: begins with at least. Chosen: a third round moves the own scatter by up to three hundredths, and 40 places
 #: with three repeats know it to six.
@@ -125,10 +125,10 @@ def _flicker(off: Sequence[Array], variance: Array, mean: Array, asked: Mask) ->
         weight = of / np.outer(relative, relative)[pairs]
         total += float(weight @ (here.T @ here)[pairs]) / of
         weights, freedom = weights + float(weight.sum()), freedom + of
-    if freedom < FEWEST:
+    if freedom < _FEWEST:
         return 0.0
     by_chance, shared = 1 / np.sqrt(weights), total / weights
-    return float(np.sqrt(shared)) if shared > SIGMAS * by_chance else 0.0
+    return float(np.sqrt(shared)) if shared > _SIGMAS * by_chance else 0.0
 
 
 def _about_factor(off: Array, mean: Array, own: Array) -> Array:

@@ -29,7 +29,7 @@ from lightfield.readings.readings import Readings
 from lightfield.readings.units import is_absolute
 
 #: So many names are listed in a message.
-SHOWN = 8
+_SHOWN = 8
 
 
 def import_index(
@@ -147,7 +147,7 @@ def _chosen(entry: IndexLine, spectra: Sequence[Spectrum], problems: Problems) -
         if not chosen and len(spectra) == 1 and not spectra[0].label:
             chosen = list(spectra)
         if not chosen:
-            told = ", ".join(filter(None, names[:SHOWN]))
+            told = ", ".join(filter(None, names[:_SHOWN]))
             problems.add(
                 f"{entry.file}: no such spectrum", place=entry.line, found=entry.spectrum,
                 rule=f"one of {told}" if told else "its spectra have no names",
@@ -156,7 +156,7 @@ def _chosen(entry: IndexLine, spectra: Sequence[Spectrum], problems: Problems) -
         return chosen
     if len(names) > 1:
         problems.add(
-            f"{entry.file}: it holds unlike spectra", place=entry.line, found=", ".join(names[:SHOWN]),
+            f"{entry.file}: it holds unlike spectra", place=entry.line, found=", ".join(names[:_SHOWN]),
             rule="a line of the index for each", remedy="name one in a column spectrum of the index",
         )  # fmt: skip
         return []

@@ -14,9 +14,9 @@ from lightfield.readings.sheet import UNITS, look_alike, read_sheet
 from lightfield.storage.inputs import INDEX
 
 ROLES = ("signal", "dark", "reference", "ignore")
-NUMBERS = ("x_m", "y_m", "z_m", "time_s", "integration_time_s")
-COLUMNS = ("file", "medium", *NUMBERS, "role", "spectrum")
-NAN = float("nan")
+_NUMBERS = ("x_m", "y_m", "z_m", "time_s", "integration_time_s")
+COLUMNS = ("file", "medium", *_NUMBERS, "role", "spectrum")
+_NAN = float("nan")
 _NO_INDEX = (
     "name the file of each spectrum in it; of a table with the places in it say which column is z: "
     "column z_m=NAME"
@@ -70,7 +70,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> tuple[list[Inde
         The file cannot be read; everything else that is wrong goes to `problems`.
     """
     where = fspath(path)
-    sheet = read_sheet(text.read_text(where, INDEX), problems, COLUMNS, ("file",), NUMBERS, _NO_INDEX)
+    sheet = read_sheet(text.read_text(where, INDEX), problems, COLUMNS, ("file",), _NUMBERS, _NO_INDEX)
     place = {name: c for c, name in enumerate(sheet.names)}
     unknown = [name for name in sheet.names if name not in COLUMNS]
     if "file" not in place:
@@ -89,7 +89,7 @@ def read_index(path: str | PathLike[str], problems: Problems) -> tuple[list[Inde
     for line, cells in sheet.rows:
         row = dict.fromkeys(COLUMNS, "") | {name: cells[c].strip() for name, c in place.items()}
         before = len(problems.found)
-        values = {name: _number(name, row[name], sheet.mark, line, problems) for name in NUMBERS}
+        values = {name: _number(name, row[name], sheet.mark, line, problems) for name in _NUMBERS}
         role, medium = row["role"].lower() or "signal", row["medium"].lower() or "water"
         if role not in ROLES:
             problems.add(
@@ -138,11 +138,11 @@ def read_index(path: str | PathLike[str], problems: Problems) -> tuple[list[Inde
 
 def _number(name: str, cell: str, mark: str, line: int, problems: Problems) -> float:
     if cell == "":
-        return NAN
+        return _NAN
     try:
         return text.parsed_number(cell, mark)
     except ValueError as error:
         problems.add(
             f"{name} {error}", place=line, found=cell, remedy="correct it, or leave it blank for not known"
         )
-        return NAN
+        return _NAN

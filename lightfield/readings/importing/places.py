@@ -22,10 +22,10 @@ from lightfield.readings.text import read_text
 from lightfield.readings.units import of_column
 from lightfield.storage.inputs import READINGS
 
-PLACES = ("z_m", "x_m", "y_m", "time_s", "integration_time_s")
-MEANINGS = (*PLACES, "value", "stderr", "medium", "role")
+_PLACES = ("z_m", "x_m", "y_m", "time_s", "integration_time_s")
+MEANINGS = (*_PLACES, "value", "stderr", "medium", "role")
 #: Where they are columns, no reading lacks them.
-NEEDED = ("z_m", "x_m", "y_m", "value")
+_NEEDED = ("z_m", "x_m", "y_m", "value")
 NAME = "table of places"
 UNUSABLE = "not a usable table"
 #: Units that a name may have in brackets, or behind an underscore, in metres and in seconds.
@@ -65,7 +65,7 @@ def read_places(
         )  # fmt: skip
     at = {m: plain.column_named(table, name, m, problems) for m, name in columns.items()}
     problems.raise_any(UNUSABLE)
-    units = {m: _unit(table, m, at[m], problems) for m in PLACES if m in at}
+    units = {m: _unit(table, m, at[m], problems) for m in _PLACES if m in at}
     numbers = {m: table.column(at[m], problems) * _factors(m).get(unit, 1.0) for m, unit in units.items()}
     if "stderr" in at and "value" not in at:
         problems.add(
@@ -105,7 +105,7 @@ def read_places(
         if entry.role not in ROLES:
             problems.add("unknown role", place=line, found=entry.role, rule=", ".join(ROLES))
         if entry.role in ("signal", "reference"):
-            for m in NEEDED:
+            for m in _NEEDED:
                 if m in at and table.is_blank(k, at[m]):
                     problems.add(
                         f"{table.called(at[m])} is missing", place=line, rule=f"{m} of every reading"

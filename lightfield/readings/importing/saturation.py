@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from lightfield.arrays import Array
 from lightfield.readings.instruments.spectrum import Spectrum
 
-SHORTEST_RUN = 4  # equal pixels in a row; three can be chance at the top of a peak printed to whole counts
+_SHORTEST_RUN = 4  # equal pixels in a row; three can be chance at the top of a peak printed to whole counts
 #: A top that noise or a dark spectrum has left nearly flat: so many pixels within this part of the largest
 #: number, and less than so many times as many within ten times that, where a round top has 3.2 times as many.
 #: The darkest pixel lies below half. Chosen: a detector's noise at its end, and what smoothing rounds off.
-NEARLY_RUN, NEARLY, ROUNDER, DARK = 8, 2e-3, 1.5, 0.5
-LEAST_STEPS = (
+_NEARLY_RUN, _NEARLY, _ROUNDER, _DARK = 8, 2e-3, 1.5, 0.5
+_LEAST_STEPS = (
     50  # a top of fewer digitisation steps above the median may be flat because the steps are coarse
 )
 
@@ -58,11 +58,11 @@ def flat_top(values: Array) -> slice | None:
     Runs at the ends do not count: some programs fill their smoothing's margin with one value.
     """
     finite = values[np.isfinite(values)]
-    if finite.size <= SHORTEST_RUN:
+    if finite.size <= _SHORTEST_RUN:
         return None
     top = finite.max()
     levels = np.unique(finite)
-    if levels.size < 2 or (top - np.median(finite)) < LEAST_STEPS * np.diff(levels).min():
+    if levels.size < 2 or (top - np.median(finite)) < _LEAST_STEPS * np.diff(levels).min():
         return None
     edges = np.diff(np.r_[False, values == top, False].astype(int))
     runs = [
@@ -71,20 +71,20 @@ def flat_top(values: Array) -> slice | None:
     ]
     inner = [run for run in runs if run.start > 0 and run.stop < len(values)]
     longest = max(inner, key=lambda run: run.stop - run.start, default=None)
-    return longest if longest is not None and longest.stop - longest.start >= SHORTEST_RUN else None
+    return longest if longest is not None and longest.stop - longest.start >= _SHORTEST_RUN else None
 
 
 def nearly_flat_top(values: Array) -> slice | None:
     """The pixels of a top that ends in edges, where the dark or noise keeps them from being equal."""
     finite = values[np.isfinite(values)]
-    if finite.size <= SHORTEST_RUN or finite.min() > DARK * finite.max() or finite.max() <= 0:
+    if finite.size <= _SHORTEST_RUN or finite.min() > _DARK * finite.max() or finite.max() <= 0:
         return None
     peak = int(np.nanargmax(values))
-    near, wide = (_run_about(values, peak, part) for part in (NEARLY, 10 * NEARLY))
+    near, wide = (_run_about(values, peak, part) for part in (_NEARLY, 10 * _NEARLY))
     length = near.stop - near.start
     inner = wide.start > 0 and wide.stop < len(values)
-    edged = wide.stop - wide.start < ROUNDER * length
-    return near if inner and edged and length >= NEARLY_RUN else None
+    edged = wide.stop - wide.start < _ROUNDER * length
+    return near if inner and edged and length >= _NEARLY_RUN else None
 
 
 def _run_about(values: Array, peak: int, part: float) -> slice:

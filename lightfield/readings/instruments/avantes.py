@@ -12,7 +12,7 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 NAME = "Avantes"
-UNUSABLE = f"not a usable {NAME} file"
+_UNUSABLE = f"not a usable {NAME} file"
 _SAID = re.compile(
     r"data measured with spectrometer|filename-->|nr of pixels used for smoothing|averaging nr\."
 )
@@ -41,7 +41,7 @@ def read(document: Document) -> Spectrum:
     table = document.columns(problems)
     if table is None:
         rule, remedy = "lines of numbers", "export it again"
-        problems.refuse(UNUSABLE, "there are no spectral data", rule=rule, remedy=remedy)
+        problems.refuse(_UNUSABLE, "there are no spectral data", rule=rule, remedy=remedy)
     axis = wavelength_column(table)
     wavelength = table.column(axis, problems, whole=True)
     check_axis(wavelength, table.lines, problems)
@@ -62,7 +62,7 @@ def read(document: Document) -> Spectrum:
         problems.add(
             "no column of the sample", found=", ".join(table.names), remedy="export it with the counts"
         )
-    problems.raise_any(UNUSABLE)
+    problems.raise_any(_UNUSABLE)
     notes = without_cut_number(document, columns.values())
     header = header_of(document.lines[: table.lines[0] - 1])
     exposure = _after(header, r"int(egration|\.) ?time.*")

@@ -19,7 +19,7 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 #: Wavelengths that instruments of this maker have.
-WITHIN_NM = (50.0, 30000.0)
+_WITHIN_NM = (50.0, 30000.0)
 # Other languages have words behind the arrows: ">>>>> Comienza Data<<<<< Espectral Procesado Del EL".
 _MARKER = re.compile(r"\s*>{3,}\s*(.*?)\s*<{3,}\s*(.*?)\s*")
 _BEGINS = re.compile(r"begin|beginn|anfang|start|comienz|inici|debut|iniz")
@@ -235,7 +235,7 @@ def _check_axis(wavelength: Array, block: MarkedLines, header: dict[str, str], p
             "the x axis is not wavelength", found=f"{axis[0]}: {axis[1]}", remedy="export wavelengths in nm"
         )
     if not np.isnan(wavelength).any():  # else noted already
-        check_axis(wavelength, [number for number, _ in block.lines], problems, WITHIN_NM)
+        check_axis(wavelength, [number for number, _ in block.lines], problems, _WITHIN_NM)
 
 
 def _check_complete(document: Document, block: MarkedLines, table: Array, problems: Problems) -> list[Oddity]:

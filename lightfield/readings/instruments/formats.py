@@ -16,7 +16,7 @@ from lightfield.readings.text import decode
 from lightfield.storage.inputs import SPECTRUM, read_bytes
 
 #: Some programs pad names with zeros; of more than one in so many bytes a text is none.
-MOST_PADDING = 20
+_MOST_PADDING = 20
 #: Readers of bytes: `claims(data)` and `read(data, where)`.
 BINARY: tuple[ModuleType, ...] = (procspec, hyperocr)
 #: Readers of text: `claims(document)` and `read(document)`, which raises MeasurementError with all problems
@@ -25,7 +25,7 @@ READERS: tuple[ModuleType, ...] = (
     seabass, ramses, avantes, jaz_irradiance, jaz, oceanview, spectrasuite, par, plain,
 )  # fmt: skip
 #: These know their own files by words that nothing else has.
-OWN_WORDS = (seabass, ramses, avantes)
+_OWN_WORDS = (seabass, ramses, avantes)
 NAMES = tuple(reader.NAME for reader in (*READERS, *BINARY))
 
 
@@ -59,7 +59,7 @@ def spectra_of(data: bytes, where: str, mapping: Mapping[str, str] | None = None
         what, remedy = unknown.what_it_seems(data, where)
         if what:
             raise _refused(where, what, remedy) from error
-        if data.count(0) * MOST_PADDING > len(data):
+        if data.count(0) * _MOST_PADDING > len(data):
             raise
         content = decode(data.replace(b"\0", b" "), where)
     document = take_apart(content, where)
@@ -76,7 +76,7 @@ def unknown_archive(data: bytes) -> bool:
 def _text(document: Document, data: bytes) -> tuple[Spectrum, ...]:
     what, remedy = unknown.what_it_seems(data, document.where)
     for reader in READERS:
-        if what and reader not in OWN_WORDS and not document.blocks:
+        if what and reader not in _OWN_WORDS and not document.blocks:
             break  # it may have columns of numbers, but they are no spectrum
         if reader.claims(document):
             return _as_tuple(reader.read(document))

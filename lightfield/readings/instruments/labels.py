@@ -10,7 +10,7 @@ from datetime import datetime
 from lightfield.readings.instruments.oddity import Odd, Oddity
 
 # Matched against the label in lower case without accents.
-LABELS = {
+_LABELS = {
     "integration": r"(?!.*\bauto)(?=.*(integra|e[xs]pos|belicht))"
     r"(?=.*(\b|_)(time|zeit|temps|tiempo|tempo)|.*zeit|exposure\s*[\[(]).*",
     "averaged": r".*(spectra averaged|scans? to average|mittelung|moyenn|promedi|\bmediat).*",
@@ -64,7 +64,7 @@ def folded(text: str) -> str:
 
 def lookup(header: Mapping[str, str], meaning: str) -> tuple[str, str] | None:
     """Label and text of the first header line with this meaning."""
-    pattern = re.compile(LABELS[meaning])
+    pattern = re.compile(_LABELS[meaning])
     return next(((label, text) for label, text in header.items() if pattern.fullmatch(folded(label))), None)
 
 

@@ -34,11 +34,11 @@ _NM = re.compile(r"(?<![\w^.,-])(\d+(?:[.,]\d+)?)\s*nm", re.IGNORECASE)
 #: A row may begin with a word (the name of a place) if more numbers than this follow.
 _NAMELESS = 3
 #: Of a line of units this part is known ones.
-MOSTLY = 0.6
+_MOSTLY = 0.6
 #: So many lines above the numbers may name them.
-MOST_NAMED = 3
+_MOST_NAMED = 3
 #: Beyond is another unit, as angstroms or pixels.
-SHORTEST_NM, LONGEST_NM = 100.0, 5000.0
+_SHORTEST_NM, _LONGEST_NM = 100.0, 5000.0
 #: So many columns named by wavelengths are a spectrum, fewer may be chance.
 LEAST_ACROSS = 3
 
@@ -113,7 +113,7 @@ class NumberBlock:
         found: dict[str, list[tuple[int, float]]] = {}
         for k, name in enumerate(self.names):
             match = _AT.fullmatch(name)
-            if match and SHORTEST_NM <= (nm := float(match["nm"].replace(",", "."))) <= LONGEST_NM:
+            if match and _SHORTEST_NM <= (nm := float(match["nm"].replace(",", "."))) <= _LONGEST_NM:
                 found.setdefault(match["name"].strip(), []).append((k, nm))
         return {
             name: ([k for k, _ in places], np.array([nm for _, nm in places]))
@@ -225,7 +225,7 @@ def _names(
 ) -> tuple[tuple[str, ...], tuple[str, ...], int]:
     """Names and units of the columns, and how many lines are above them."""
     top = first
-    while top and len(rows[top - 1][1]) == width and first - top < MOST_NAMED:
+    while top and len(rows[top - 1][1]) == width and first - top < _MOST_NAMED:
         top -= 1
     if top == first:
         return ("",) * width, ("",) * width, first
@@ -241,7 +241,7 @@ def _names(
 
 def _are_units(cells: Sequence[str]) -> bool:
     said = [cell for cell in cells if cell]
-    return bool(said) and sum(_UNIT.fullmatch(cell) is not None for cell in said) >= MOSTLY * len(said)
+    return bool(said) and sum(_UNIT.fullmatch(cell) is not None for cell in said) >= _MOSTLY * len(said)
 
 
 def wavelength_column(table: NumberBlock) -> int:
@@ -279,7 +279,7 @@ def check_axis(
     wavelength_nm: Array,
     lines: Sequence[int],
     problems: Problems,
-    within_nm: tuple[float, float] = (SHORTEST_NM, LONGEST_NM),
+    within_nm: tuple[float, float] = (_SHORTEST_NM, _LONGEST_NM),
 ) -> None:
     """Wavelengths that can be, and increase; what is wrong goes to `problems`."""
     low, high = within_nm

@@ -13,9 +13,9 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 NAME = "PAR logger"
-UNUSABLE = f"not a usable {NAME} file"
+_UNUSABLE = f"not a usable {NAME} file"
 #: Photosynthetically active radiation, by definition.
-BAND_NM = (400.0, 700.0)
+_BAND_NM = (400.0, 700.0)
 _NAMED = re.compile(r"(?<![a-z])(par|ppfd|pfd|qntm|quantum)(?![a-z])|[uµμ]mol", re.IGNORECASE)
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2})?")
 
@@ -42,21 +42,21 @@ def read(document: Document) -> list[Spectrum]:
     chosen = _columns(table) if table is not None else []
     if table is None or not chosen:
         named = "a name like PAR, PPFD or quantum, or a unit in umol"
-        problems.refuse(UNUSABLE, "no column of PAR", rule=named)
+        problems.refuse(_UNUSABLE, "no column of PAR", rule=named)
     values = {k: table.column(k, problems) for k in chosen}
-    problems.raise_any(UNUSABLE)
+    problems.raise_any(_UNUSABLE)
     header = {"title": document.title, **table.header}
     when = next((k for k, cell in enumerate(table.cells[0]) if _CLOCK.search(cell)), None)
     return [
         Spectrum(
             source=document.where,
             format=NAME,
-            wavelength_nm=np.array(BAND_NM),
+            wavelength_nm=np.array(_BAND_NM),
             columns={"value": np.full(2, values[k][row])},
             header={**header, "unit": table.units[k]},
             date=_date(table.cells[row][when]) if when is not None else "",
             label=table.names[k],
-            band_nm=BAND_NM,
+            band_nm=_BAND_NM,
             photons=True,
             notes=(Oddity(Odd.PHOTONS),),
         )

@@ -20,9 +20,9 @@ from lightfield.storage.cache import cache_dir, with_room
 
 __all__ = ["Backend", "cache_dir", "choose", "limited_threads", "prepare", "use_backend", "with_plugins"]
 
-KINDS = ("auto", "llvm", "cuda")
-KIND_VARIABLE, THREADS_VARIABLE = "LIGHTFIELD_BACKEND", "LIGHTFIELD_THREADS"
-VARIANTS = {"llvm": "llvm_ad_spectral", "cuda": cuda.VARIANT}
+_KINDS = ("auto", "llvm", "cuda")
+_KIND_VARIABLE, THREADS_VARIABLE = "LIGHTFIELD_BACKEND", "LIGHTFIELD_THREADS"
+_VARIANTS = {"llvm": "llvm_ad_spectral", "cuda": cuda.VARIANT}
 
 
 @dataclass(frozen=True)
@@ -117,22 +117,22 @@ def choose() -> Backend:
     BackendError
         Nothing usable was found, or what the user names is not usable.
     """
-    kind = os.environ.get(KIND_VARIABLE, "").strip().lower() or "auto"
-    if kind not in KINDS:
+    kind = os.environ.get(_KIND_VARIABLE, "").strip().lower() or "auto"
+    if kind not in _KINDS:
         raise BackendError(
-            "unknown backend", where=KIND_VARIABLE, found=kind, rule=f"one of {', '.join(KINDS)}"
+            "unknown backend", where=_KIND_VARIABLE, found=kind, rule=f"one of {', '.join(_KINDS)}"
         )
     threads = _threads()
     if kind == "cuda" and (problem := cuda.cuda_problem()):
         raise BackendError(
             "CUDA cannot be used",
             found=problem,
-            remedy=f"ask for llvm, or unset {KIND_VARIABLE}, to compute on the processor",
+            remedy=f"ask for llvm, or unset {_KIND_VARIABLE}, to compute on the processor",
         )
     if kind == "cuda" or (kind == "auto" and not cuda.cuda_problem()):
-        return Backend("cuda", VARIANTS["cuda"], None, None, threads, cache_dir())
+        return Backend("cuda", _VARIANTS["cuda"], None, None, threads, cache_dir())
     library = _llvm_library()
-    return Backend("llvm", VARIANTS["llvm"], library.path, library.version_text, threads, cache_dir())
+    return Backend("llvm", _VARIANTS["llvm"], library.path, library.version_text, threads, cache_dir())
 
 
 def _llvm_library() -> llvm.Library:

@@ -15,11 +15,11 @@ from lightfield.storage.cache import cache_dir
 from lightfield.storage.files import write_text
 
 VARIANT = "cuda_ad_spectral"
-TRIAL_TIMEOUT_S = 180
+_TRIAL_TIMEOUT_S = 180
 _DRIVER = Path("/proc/driver/nvidia/version")
 
 # A ray against a sphere needs driver, device, OptiX and a working compiler: all that a render needs.
-TRIAL = """
+_TRIAL = """
 import sys, mitsuba as mi
 mi.set_variant(sys.argv[1])
 scene = mi.load_dict({"type": "scene", "ball": {"type": "sphere"}})
@@ -50,10 +50,10 @@ def trial_problem(variant: str) -> str:
     """Trace one ray with a Mitsuba variant in a process of its own; "" when it hits where it should."""
     try:
         trial = subprocess.run(
-            [sys.executable, "-c", TRIAL, variant],
+            [sys.executable, "-c", _TRIAL, variant],
             capture_output=True,
             text=True,
-            timeout=TRIAL_TIMEOUT_S,
+            timeout=_TRIAL_TIMEOUT_S,
             check=False,
         )
     except (OSError, subprocess.SubprocessError) as error:

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-OLDEST, NEWEST_TRIED = 17, 22
+OLDEST, _NEWEST_TRIED = 17, 22
 EXPLICIT_VARIABLES = ("LIGHTFIELD_LIBLLVM", "DRJIT_LIBLLVM_PATH")
-FOLDERS_VARIABLE = "LIGHTFIELD_LLVM_FOLDERS"
+_FOLDERS_VARIABLE = "LIGHTFIELD_LLVM_FOLDERS"
 
 _FOLDERS = (
     "/usr/lib/llvm*/lib",
@@ -150,7 +150,7 @@ def install_command() -> str:
 
 
 def _merit(library: Library) -> tuple[bool, bool, tuple[int, ...]]:
-    return library.usable, library.version < (NEWEST_TRIED + 1,), library.version
+    return library.usable, library.version < (_NEWEST_TRIED + 1,), library.version
 
 
 def _version_in(content: mmap.mmap) -> tuple[int, ...]:
@@ -187,8 +187,8 @@ def _foreign(content: mmap.mmap) -> str:
 
 
 def _files(folders: Iterable[str | os.PathLike[str]] | None) -> Iterator[Path]:
-    if folders is None and os.environ.get(FOLDERS_VARIABLE):
-        folders = os.environ[FOLDERS_VARIABLE].split(os.pathsep)
+    if folders is None and os.environ.get(_FOLDERS_VARIABLE):
+        folders = os.environ[_FOLDERS_VARIABLE].split(os.pathsep)
     if folders is None:
         yield from _from_linker_cache()
         places = [place for pattern in _FOLDERS for place in sorted(Path("/").glob(pattern.lstrip("/")))]

@@ -13,17 +13,17 @@ from scipy.spatial import KDTree
 from lightfield.render.response.grid import Grid
 from lightfield.scene.tank import Tank
 
-NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
+_NEIGHBOURS_1D, NEIGHBOURS_2D = 5, 9
 #: So many are looked at: up to eight cells of a grid are equally far, of which the first of the plane counts.
 _LOOKED_AT = NEIGHBOURS_2D + 8
 #: Far from the lamp: cells this near to each other are smoothed together; neighbours tell of the bending when
 #: the nearest on each axis are at most so far away.
-SMOOTHED_M, NEIGHBOUR_M = 0.11, 0.3
+_SMOOTHED_M, _NEIGHBOUR_M = 0.11, 0.3
 #: Fineness from which on as many are smoothed as far away.
-SMOOTHED_FROM = 0.65
+_SMOOTHED_FROM = 0.65
 #: Second differences of three cells have a noise of 2.4 cells; what is noisier tells nothing.
-NOISE_OF_BENDING = 2.5
-ON_AXIS_M = 1e-6
+_NOISE_OF_BENDING = 2.5
+_ON_AXIS_M = 1e-6
 
 
 class Quadratic(NamedTuple):
@@ -53,8 +53,8 @@ class TalliedCells:
     def __init__(self, grid: Grid) -> None:
         self.x, self.y, self.z = (v.ravel() for v in grid.centres())
         self.pitch_m = grid.pitch_x_m, grid.pitch_y_m
-        self._smoothed_m = SMOOTHED_M * min(1.0, grid.fineness / SMOOTHED_FROM)
-        self._neighbour_m = NEIGHBOUR_M * grid.fineness
+        self._smoothed_m = _SMOOTHED_M * min(1.0, grid.fineness / _SMOOTHED_FROM)
+        self._neighbour_m = _NEIGHBOUR_M * grid.fineness
         self._even = grid.even
 
     @property
@@ -133,7 +133,7 @@ class TalliedCells:
         """Of cells on a line through the axis the direction across it, 0 for x, 1 for y; of others -1."""
         known, out = self._nearest >= 0, np.full(self.size, -1)
         for across, aside in ((0, self.x), (1, self.y)):
-            on_line = np.abs(aside[self._nearest]).max(axis=1, where=known, initial=0) < ON_AXIS_M
+            on_line = np.abs(aside[self._nearest]).max(axis=1, where=known, initial=0) < _ON_AXIS_M
             out[on_line & (known.sum(axis=1) > 2)] = across
         return out
 
@@ -143,7 +143,7 @@ class TalliedCells:
         known = self._nearest >= 0
         along = self._steps[np.arange(self.size), 1 - np.maximum(self._across, 0)]
         close = np.count_nonzero((np.abs(along) <= self._smoothed_m) & known, axis=1) > 2
-        few = np.where(close, NEIGHBOURS_1D, 3)
+        few = np.where(close, _NEIGHBOURS_1D, 3)
         return np.where(self._across < 0, known.sum(axis=1), np.minimum(few, known.sum(axis=1)))
 
     @cached_property
@@ -156,7 +156,7 @@ class TalliedCells:
 
     def _along_line(self, i: int, near: np.ndarray, step: np.ndarray, across: int) -> Quadratic:
         _, (value, slope, second) = quadratic(tuple(step), (0.0,) * len(step))
-        if len(step) == NEIGHBOURS_1D and np.allclose(np.sort(step), -np.sort(step)[::-1]):
+        if len(step) == _NEIGHBOURS_1D and np.allclose(np.sort(step), -np.sort(step)[::-1]):
             slope = _cubic_slope(step)
         radius = (self.x if across == 1 else self.y)[i]
         round_field = slope / radius if abs(radius) > 0.6 * min(self.pitch_m) else second
@@ -174,7 +174,7 @@ class TalliedCells:
             dx, dy = np.frombuffer(steps).reshape(2, -1)
             terms, weights = quadratic(tuple(dx), tuple(dy))
             noise = np.linalg.norm(weights, axis=1) * np.array([1, hx, hy, hx * hx, hx * hy, hy * hy])[terms]
-            if min(len(dx), len(terms)) < 6 or (noise > NOISE_OF_BENDING).any():
+            if min(len(dx), len(terms)) < 6 or (noise > _NOISE_OF_BENDING).any():
                 return None
             return weights
 

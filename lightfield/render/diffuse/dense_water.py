@@ -12,10 +12,10 @@ from lightfield.arrays import Array
 
 #: Scattering of the water of the first trace. Waters that scatter less than the second number are answered by
 #: it alone; denser ones by a trace in water that scatters as much as the third, or a power of the step more.
-CLEAR_PER_M, CLEAR_TO_PER_M, DENSE_FROM_PER_M, DENSE_STEP = 0.2, 0.3, 0.43, 1.7
+CLEAR_PER_M, CLEAR_TO_PER_M, _DENSE_FROM_PER_M, _DENSE_STEP = 0.2, 0.3, 0.43, 1.7
 #: How far a trace reaches into denser water, as a factor in b; and the power of such a factor by which fits
 #: fall short at least (0.06 to 0.1 where the farthest reading is 5 m away, 0.2 to 0.4 at 8.5 m).
-REACH, FALLS_SHORT = 1.05, 0.12
+REACH, _FALLS_SHORT = 1.05, 0.12
 
 
 def dense_water(scattering_per_m: Array) -> float | None:
@@ -45,6 +45,6 @@ def trace_for(scattering_per_m: float, traced_per_m: float | None = None) -> flo
     """
     b = scattering_per_m
     if traced_per_m is not None:
-        b *= max(b / traced_per_m, 1.0) ** FALLS_SHORT
-    steps = np.ceil(np.log(b / (REACH * DENSE_FROM_PER_M)) / np.log(DENSE_STEP))
-    return float(DENSE_FROM_PER_M * DENSE_STEP ** max(steps, 0))
+        b *= max(b / traced_per_m, 1.0) ** _FALLS_SHORT
+    steps = np.ceil(np.log(b / (REACH * _DENSE_FROM_PER_M)) / np.log(_DENSE_STEP))
+    return float(_DENSE_FROM_PER_M * _DENSE_STEP ** max(steps, 0))

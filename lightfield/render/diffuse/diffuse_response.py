@@ -36,11 +36,11 @@ from lightfield.scene.water.layers import is_layered, layers_depth
 from lightfield.scene.water.water import Water
 
 #: Classes of light: all, light that was only scattered, and all that was reflected.
-EVERY_CLASS, SCATTERED, REFLECTED = range(CLASSES), range(1), range(1, CLASSES)
+_EVERY_CLASS, SCATTERED, REFLECTED = range(CLASSES), range(1), range(1, CLASSES)
 #: From where a trace is worth as much as another to where it is relied on, as a factor in b.
-FADE = 1.2
+_FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
-SCATTERED_ERROR, REFLECTED_ERROR = 0.01, 0.005
+SCATTERED_ERROR, _REFLECTED_ERROR = 0.01, 0.005
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class DiffuseResponse:
         scene: Scene,
         waters: Sequence[Water],
         wavelengths_nm: Sequence[float | None],
-        kinds: range = EVERY_CLASS,
+        kinds: range = _EVERY_CLASS,
     ) -> Array:
         """The same in waters that differ by what absorbs and scatters, (n_waters, n_wavelengths, n).
 
@@ -131,7 +131,7 @@ class DiffuseResponse:
         scene: Scene,
         wavelengths_nm: Sequence[float | None],
         channel: NDArray[np.integer[Any]],
-        kinds: range = EVERY_CLASS,
+        kinds: range = _EVERY_CLASS,
     ) -> tuple[Array, Array]:
         """Errors of the light at readings that have one wavelength each.
 
@@ -172,7 +172,7 @@ class DiffuseResponse:
             often += (share[:, None] * self._at_readings(scene, a + b, uncertain))[mine]
         smooth = SCATTERED_ERROR * light + often
         if REFLECTED[0] in kinds:
-            smooth += REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
+            smooth += _REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
             if self.reflected is not None and scene.tank is not None and scene.tank.slope > 0:
                 smooth += self.reflected.uncertain(scene, a + b)[mine]
         return np.hstack(modes) if len(modes) > 2 else modes[-1], smooth
@@ -204,8 +204,8 @@ class DiffuseResponse:
         if self.denser is None:
             return [(np.ones(len(b)), self.clear)]
         middle = np.sqrt(self.clear.scattering_per_m * self.denser.scattering_per_m)
-        low = max(CLEAR_TO_PER_M, middle / FADE)
-        t = np.clip((b - low) / (low * FADE**2 - low), 0, 1)
+        low = max(CLEAR_TO_PER_M, middle / _FADE)
+        t = np.clip((b - low) / (low * _FADE**2 - low), 0, 1)
         share = np.asarray(t * t * (3 - 2 * t))
         return [(1 - share, self.clear)] + ([(share, self.denser)] if share.any() else [])
 

@@ -14,7 +14,7 @@ from lightfield.arrays import Array
 from lightfield.scene.tank import Tank, walls_m
 
 #: From one plane to the next, as a part of the distance, and at most, as a part of the tank's width.
-STEP, STEP_OF_TANK = 0.08, 0.25
+_STEP, _STEP_OF_TANK = 0.08, 0.25
 #: Readings at so many more distances than there would be planes are between them. Chosen: planes that were
 #: meant as such, 0.2 m apart, stay.
 _MANY_MORE = 3
@@ -59,9 +59,9 @@ def planes_for(z_m: Array, tank: Tank | None = None) -> Array:
     near, far = own[0], own[-1]
     if near <= 0:
         return own
-    steps = np.log(far / near) / np.log1p(STEP)
+    steps = np.log(far / near) / np.log1p(_STEP)
     if tank is not None:
-        steps = max(steps, (far - near) / (STEP_OF_TANK * min(tank.width_m, tank.depth_m)))
+        steps = max(steps, (far - near) / (_STEP_OF_TANK * min(tank.width_m, tank.depth_m)))
     count = int(np.ceil(steps)) + 1
     return own if len(own) <= _MANY_MORE * count else np.round(np.geomspace(near, far, count), 4)
 

@@ -33,7 +33,7 @@ from lightfield.scene.water.layers import layers_depth
 
 #: Light from walls is told at so many albedos, Chebyshev's nodes: a polynomial between them is exact to 1e-4
 #: of the light up to albedos of 0.9 (tests/system/test_saved_page.py).
-ALBEDOS = 7
+_ALBEDOS = 7
 #: Attenuations that it is told at: of those at which it is known every fourth, or second.
 _STEP_PER_M = 4 * C_STEP
 
@@ -70,8 +70,8 @@ class Reflections:
     image, way_m : arrays, shape (n,)
         The lamp's image in the surface, without attenuation, m^-2, and its way in water.
     step_per_m : float
-    albedos : array, shape (ALBEDOS,)
-    walls : array, shape (n_nodes, ALBEDOS, n)
+    albedos : array, shape (_ALBEDOS,)
+    walls : array, shape (n_nodes, _ALBEDOS, n)
         Logarithm of light from walls over the albedo.
     """
 
@@ -200,9 +200,9 @@ def _reflections(
     seen = dark > 0
     way = np.where(seen, np.log(np.where(seen, dark, 1.0) / np.where(dim > 0, dim, 1.0)), 0.0)
     nodes = _STEP_PER_M * np.arange(int(np.ceil(most_per_m / _STEP_PER_M)) + 4)
-    albedos = most_albedo * (0.5 - 0.5 * np.cos(np.pi * (np.arange(ALBEDOS) + 0.5) / ALBEDOS))
+    albedos = most_albedo * (0.5 - 0.5 * np.cos(np.pi * (np.arange(_ALBEDOS) + 0.5) / _ALBEDOS))
     if scene.reflectances[0] == 0:
-        return Reflections(dark, way, _STEP_PER_M, albedos, np.zeros((0, ALBEDOS, len(dark))))
+        return Reflections(dark, way, _STEP_PER_M, albedos, np.zeros((0, _ALBEDOS, len(dark))))
     walls = [
         [(at(c, rho) - dark * np.exp(-c * way)) / rho for rho in albedos.tolist()] for c in nodes.tolist()
     ]

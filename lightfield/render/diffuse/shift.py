@@ -21,7 +21,7 @@ SMOOTH_RATIOS = 7, 21, 0.095
 #: Light that is darker has no logarithm.
 DARKEST = 1e-300
 #: The mean over a cell parts from its middle by no more than this; what says more is noise.
-MOST_BENT = 0.5
+_MOST_BENT = 0.5
 
 
 class ShiftParts(NamedTuple):
@@ -173,14 +173,14 @@ class Shift:
         at, dx, dy, vx, vy, of_cells, *_ = self.parts
         terms = (of_cells @ log.reshape(-1, log.shape[-1]).T).T
         value, gx, gy, gxx, gxy, gyy = np.moveaxis(terms.reshape(*log.shape[:-1], 6, -1), -2, 0)
-        ux, uy = (np.maximum(1 + v * k, 1 - MOST_BENT) for v, k in ((vx, gxx), (vy, gyy)))
+        ux, uy = (np.maximum(1 + v * k, 1 - _MOST_BENT) for v, k in ((vx, gxx), (vy, gyy)))
         middle = -0.5 * (np.log(ux * uy) + vx * gx * gx / ux + vy * gy * gy / uy)
         dx, dy = dx - offset_x_m, dy - offset_y_m
         change = (gx * dx + 0.5 * gxx * dx * dx) / ux + (gy * dy + 0.5 * gyy * dy * dy) / uy
         change += gxy * dx * dy / (ux * uy)
         here = field[..., at]
         lit = np.where(here > 1e-6 * top, np.exp(value), here)
-        bent = np.exp(np.clip(middle, -MOST_BENT, MOST_BENT) + np.clip(change, -3, 3))
+        bent = np.exp(np.clip(middle, -_MOST_BENT, _MOST_BENT) + np.clip(change, -3, 3))
         return self.parts.at_readings(lit * bent)
 
     def some(self, rows: np.ndarray) -> Shift:

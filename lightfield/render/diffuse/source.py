@@ -38,30 +38,30 @@ from lightfield.scene.water.coefficients import molecular_per_m
 
 #: Water and walls of a trace. Walls of 0.5 answered for those of 0.9 with a noise of 6 to 70 % per reading in
 #: a tank of 1.2 m by 1.2 m; of 0.8, with 0.8 to 2 %, and as well as before for dim ones.
-REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.8
+_REFERENCE_ABSORPTION, REFERENCE_ALBEDO = 0.1, 0.8
 #: Photons sent into dense water, times b, as a part of those into clear water: there they walk longer.
-SENT_PER_M = 0.16
+_SENT_PER_M = 0.16
 #: Width of the beam that photons are sent in, as a part of what the readings look like: water that scatters
 #: widens what is seen of a beam (to 1.4 of its width at b = 0.2 per m, 1.8 at 1.1). Sent at 0.5 to 0.9 of a
 #: beam's own width the light of that beam is known best; at 1.3 its variance is twice that, at 2 three times.
-SENT_WIDTH = 0.55
+_SENT_WIDTH = 0.55
 #: Steps in which the lamp of a trace is moved, in half widths of the beam on the nearest plane: from there
 #: light is followed to the lamp of a fit by its slope and bending (moved by 2.7, it was twice what it is).
-OFFSET_STEP, WIDEST_DEG, LEAST_STEP_M = 0.35, 60.0, 0.01
+_OFFSET_STEP, _WIDEST_DEG, _LEAST_STEP_M = 0.35, 60.0, 0.01
 PHOTONS = 2_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
 #: that was reflected under a water surface: most that was not scattered is known without a trace. Of the
 #: middle node alone, with a third, it missed 100 readings near a surface by chi-square 70 (by 20 now).
-AT_THE_ENDS, UNDER_SURFACE = 0.5, 0.6
+_AT_THE_ENDS, _UNDER_SURFACE = 0.5, 0.6
 #: Largest cell of the tally: the scattered field bends over half a metre, and its bending is corrected for.
 CELL_M = 0.2
 #: So many cells may be finer than that bending asks for, because readings are.
-MOST_FINE = 1500
+_MOST_FINE = 1500
 
 
 #: Photons for receivers of a narrow view, whose cells are small: so many times more at most (chosen: 2 % of
 #: noise behind a collimator of 2 degrees, 4.5 m away, for 6 s of one processor).
-MOST_SENT = 8.0
+_MOST_SENT = 8.0
 _CACHED = Keeper()
 
 
@@ -74,7 +74,7 @@ def response_for(
     photons: int = PHOTONS,
     share: float = 1.0,
     dense_per_m: float | None = None,
-    under_surface: float = UNDER_SURFACE,
+    under_surface: float = _UNDER_SURFACE,
     g_nodes: Sequence[float] | None = None,
     seed: int = 0,
     keeper: Keeper = _CACHED,
@@ -128,11 +128,11 @@ def response_for(
     width = sent_width_deg(scene.lamp.hwhm_deg)
     scattering, sent = CLEAR_PER_M, share * photons * _for_view(scene, places[2], width)
     if dense_per_m is not None:
-        scattering, sent = dense_per_m, sent * SENT_PER_M / dense_per_m
+        scattering, sent = dense_per_m, sent * _SENT_PER_M / dense_per_m
     # As in the first water: the scene's own scattering is not known yet.
     molecules = min(float(molecular_per_m(scene.water, middles_nm(scene).mean())) / CLEAR_PER_M, 1.0)
     albedo = REFERENCE_ALBEDO if scene.tank else 0.0
-    reference = Reference(REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
+    reference = Reference(_REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
     lamp_m = _lamp_m(scene, places[2], width)
     grid = _grid_for(scene, places, width, lamp_m)
     walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
@@ -165,14 +165,14 @@ def _grid_for(
     scene: Scene, places: tuple[Array, Array, Array], width: float, lamp_m: tuple[float, float]
 ) -> Grid:
     told = on_planes(planes_for(places[2], scene.tank), *places, lamp_m, scene.tank)
-    grid = positions_grid(*told.places, CELL_M, width / SENT_WIDTH, scene.tank, MOST_FINE, scene.detector)
+    grid = positions_grid(*told.places, CELL_M, width / _SENT_WIDTH, scene.tank, _MOST_FINE, scene.detector)
     return surrounded(grid, scene.tank)
 
 
 def _for_view(scene: Scene, z_m: Array, width: float) -> float:
     """Factor on the photons where the receiver's view makes cells smaller."""
-    wide, narrow = (fineness(z_m, width / SENT_WIDTH, scene.tank, d) for d in (None, scene.detector))
-    return min(MOST_SENT, (wide / narrow) ** 2)
+    wide, narrow = (fineness(z_m, width / _SENT_WIDTH, scene.tank, d) for d in (None, scene.detector))
+    return min(_MOST_SENT, (wide / narrow) ** 2)
 
 
 def _light(trace: DirectedTrace, keeper: Keeper, walls: csr_array, ratios: csr_array) -> TracedLight:
@@ -201,7 +201,7 @@ def _light(trace: DirectedTrace, keeper: Keeper, walls: csr_array, ratios: csr_a
 
 def _sent(shapes: tuple[float, ...], photons: int) -> tuple[int, ...]:
     """Photons of the trace in each shape: fewer at the ends, which count little."""
-    few = round(AT_THE_ENDS * photons) if len(shapes) > 2 else photons
+    few = round(_AT_THE_ENDS * photons) if len(shapes) > 2 else photons
     return (few, *[photons] * (len(shapes) - 2), few)[: max(len(shapes), 1)]
 
 
@@ -210,14 +210,14 @@ def sent_width_deg(hwhm_deg: float) -> float:
 
     In steps of a factor 1.5, so that guesses that differ a little share a response.
     """
-    return float(4.0 * 1.5 ** np.round(np.log(SENT_WIDTH * hwhm_deg / 4.0) / np.log(1.5)))
+    return float(4.0 * 1.5 ** np.round(np.log(_SENT_WIDTH * hwhm_deg / 4.0) / np.log(1.5)))
 
 
 def _lamp_m(scene: Scene, z_m: Array, width_deg: float) -> tuple[float, float]:
     """Where the lamp of a trace stands, x and y, m: in whole steps, which traces share, towards the scene's
     and no nearer to a wall."""
-    spot = float(z_m.min()) * np.tan(np.radians(min(width_deg / SENT_WIDTH, WIDEST_DEG)))
-    step = max(OFFSET_STEP * spot, LEAST_STEP_M)
+    spot = float(z_m.min()) * np.tan(np.radians(min(width_deg / _SENT_WIDTH, _WIDEST_DEG)))
+    step = max(_OFFSET_STEP * spot, _LEAST_STEP_M)
     lamp = scene.lamp
     return float(step * np.trunc(lamp.offset_x_m / step)), float(step * np.trunc(lamp.offset_y_m / step))
 

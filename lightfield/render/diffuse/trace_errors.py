@@ -18,7 +18,7 @@ from lightfield.render.response.response import FROM_WALLS
 #: Of more readings than this the errors are gathered plane by plane, but for this part of a variance.
 MANY, LEFT_OUT = 3000, 0.03
 #: Cells darker than this part of the brightest have no relative error of their own.
-DARK = 1e-9
+_DARK = 1e-9
 #: Readings at a time. Chosen: with all of 600 what cells give to them took 0.3 GB.
 _AT_ONCE = 128
 
@@ -78,7 +78,7 @@ def relative_modes(
     """
     if not parts:
         return np.zeros((len(channel), 0))
-    per_light = 1 / np.maximum(light, DARK * light.max(axis=1, keepdims=True, initial=1e-290))
+    per_light = 1 / np.maximum(light, _DARK * light.max(axis=1, keepdims=True, initial=1e-290))
     gathered = _by_plane if shift.asked > MANY else _one_by_one
     every = gathered(shift, parts, per_light, walls, channel)
     every /= np.maximum(np.linalg.norm(every, axis=1, keepdims=True), 1)

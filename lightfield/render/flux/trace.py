@@ -14,7 +14,7 @@ from lightfield.render.tracer.walk import PHOTONS_PER_LANE, counted, trace
 from lightfield.scene import Scene
 
 #: Independent parts, whose scatter is the error.
-BATCHES = 8
+_BATCHES = 8
 
 
 def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, seed: int) -> TransportResponse:
@@ -33,9 +33,9 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
         Its planes are those of the grid once for every one of `COMPONENTS`.
     """
     setup, largest = assembled(scene, grid, reference, flux=True), LARGEST_LAUNCH[use_backend().kind]
-    each = PHOTONS_PER_LANE * -(-photons // (BATCHES * PHOTONS_PER_LANE))
-    sums = np.zeros((BATCHES, setup.histories.size, setup.planes.cells), np.float32)
-    for batch in range(BATCHES):
+    each = PHOTONS_PER_LANE * -(-photons // (_BATCHES * PHOTONS_PER_LANE))
+    sums = np.zeros((_BATCHES, setup.histories.size, setup.planes.cells), np.float32)
+    for batch in range(_BATCHES):
         for first in range(0, each, largest):
             launch = min(largest, each - first)
             counts, _ = trace(
@@ -47,5 +47,5 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
             )
             sums[batch] += counts
             sent = batch * each + first + launch
-            tell(f"{sent:.3g} photons", sent / (BATCHES * each))
-    return response_from(sums, counted(each), each * BATCHES, setup)
+            tell(f"{sent:.3g} photons", sent / (_BATCHES * each))
+    return response_from(sums, counted(each), each * _BATCHES, setup)

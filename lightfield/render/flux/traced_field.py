@@ -43,7 +43,7 @@ from lightfield.scene.water.hardening import hardening_depth
 
 #: Scattering of the water of a trace from which others are weighed, 1/m, where the scene's own scatters less:
 #: below it a trace is clean (chosen; the errors of the field say how it went).
-LEAST_TRACED_PER_M = 0.1
+_LEAST_TRACED_PER_M = 0.1
 #: Bytes that a trace and its splines take for a cell at most (measured: 1.9 to 13.9 GB at 1 to 4 m aside).
 _BYTES_PER_CELL = 1.2e5
 #: Part of a step, and metres, that are rounding: 0.1 m times 6 is more than 0.6 m.
@@ -96,7 +96,7 @@ def reference_for_others(scene: Scene) -> Reference:
     """Water to trace in for any other: that of the first band's middle, scattering at least a little."""
     at = middles_nm(scene)[0].mean(keepdims=True)
     (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
-    traced = max(float(b), LEAST_TRACED_PER_M)
+    traced = max(float(b), _LEAST_TRACED_PER_M)
     molecules = molecular_share(scene) * float(b) / traced
     return Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
 

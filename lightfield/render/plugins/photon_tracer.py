@@ -18,8 +18,8 @@ from lightfield.render.tracer.scattering import by_plugin
 from lightfield.render.tracer.surfaces import OpenWater, Shapes
 from lightfield.render.tracer.walk import counted, trace
 
-BATCHES = 8
-LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum
+_BATCHES = 8
+_LARGEST_LAUNCH = 1 << 16  # photons; single precision drops what adds little to a large sum
 
 
 class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
@@ -78,12 +78,12 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
         surfaces = Shapes(scene) if scene.shapes() else OpenWater(planes)
         turn = by_plugin(medium.phase_function())
         problem = TransportProblem(surfaces, turn, lamp.emission, planes, histories, water)
-        photons = max(spp * len(x) * len(y) or self.photons, BATCHES) // BATCHES
+        photons = max(spp * len(x) * len(y) or self.photons, _BATCHES) // _BATCHES
         maps = []
-        for batch in range(BATCHES):
+        for batch in range(_BATCHES):
             total = np.zeros(grid.shape)
-            for first in range(0, photons, LARGEST_LAUNCH):
-                launch = min(LARGEST_LAUNCH, photons - first)
+            for first in range(0, photons, _LARGEST_LAUNCH):
+                launch = min(_LARGEST_LAUNCH, photons - first)
                 counts, _ = trace(
                     problem,
                     launch,
@@ -93,7 +93,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
                 total += counts.sum(axis=0).reshape(grid.shape) * (launch / photons / counted(launch))
             maps.append(total * lamp.intensity)
         back = np.argsort(order)
-        return np.mean(maps, axis=0)[back], (np.std(maps, axis=0, ddof=1) / np.sqrt(BATCHES))[back]
+        return np.mean(maps, axis=0)[back], (np.std(maps, axis=0, ddof=1) / np.sqrt(_BATCHES))[back]
 
     def to_string(self) -> str:
         """Readable summary."""

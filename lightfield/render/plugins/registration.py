@@ -7,7 +7,7 @@ import sys
 
 import mitsuba as mi
 
-MODULES = (
+_MODULES = (
     "tracer.sobol",
     "tracer.emission",
     "tracer.planes",
@@ -35,7 +35,7 @@ def register() -> None:
     if _variant == mi.variant():
         return
     stale = _variant is not None
-    for name in MODULES:
+    for name in _MODULES:
         full = f"lightfield.render.{name}"
         if stale and full in sys.modules:
             importlib.reload(sys.modules[full])

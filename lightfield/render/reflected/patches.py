@@ -10,11 +10,11 @@ import numpy as np
 
 from lightfield.scene import Scene
 
-NEAR, SUBDIVIDED = 2.5, 4  # pairs nearer than 2.5 patch lengths: the patch is seen as 4 x 4 parts
+_NEAR, _SUBDIVIDED = 2.5, 4  # pairs nearer than 2.5 patch lengths: the patch is seen as 4 x 4 parts
 AT_ONCE = 1 << 18  # pairs that are worked out at a time
 #: Patches beyond what readings see: so much larger across; rows along begin at this part of the reach and
 #: grow by this factor, to half of it. Three times as many change light in a white tow tank by 0.5 % at most.
-COARSER, ROW, GROWTH = 2.0, 0.06, 1.4
+_COARSER, _ROW, _GROWTH = 2.0, 0.06, 1.4
 
 AngularResponse = Callable[[Sequence[np.ndarray], np.ndarray], np.ndarray]
 
@@ -120,10 +120,10 @@ def _block(places: np.ndarray, response: AngularResponse, patches: Patches, some
     factor, distance = _exchange(here[:, None], patches.centre, patches.normal, response, every)
     factor *= patches.area
     size = 2 * np.maximum(patches.half_across, patches.half_along)
-    near, mine = np.nonzero(distance < NEAR * size)
+    near, mine = np.nonzero(distance < _NEAR * size)
     if len(near):
-        parts = patches.some(mine).divided(SUBDIVIDED)
-        shape = (len(near), SUBDIVIDED**2, 3)
+        parts = patches.some(mine).divided(_SUBDIVIDED)
+        shape = (len(near), _SUBDIVIDED**2, 3)
         centre, normal = parts.centre.reshape(shape), parts.normal.reshape(shape)
         close, _ = _exchange(here[near][:, None], centre, normal, response, every[near])
         factor[near, mine] = close.mean(axis=1) * patches.area[mine]
@@ -166,7 +166,7 @@ def walls(scene: Scene, farthest_m: float, lid: bool, count: float) -> tuple[Pat
     made: list[Patches] = []
     left: list[Patches] = []
     for low, high, along in [(start, end, None), *_beyond(start, front, reach), *_beyond(end, back, reach)]:
-        z, across = (low, high), step if along is None else COARSER * step
+        z, across = (low, high), step if along is None else _COARSER * step
         made += [
             _rectangle((x, None, None), (y_side, z), (-sign, 0, 0), across, along)
             for x, sign in zip(x_side, (-1, 1), strict=True)
@@ -187,11 +187,11 @@ def _beyond(begin: float, wall: float, reach: float) -> list[tuple[float, float,
     list of (float, float, float), m
         Low and high z, and the length of a row.
     """
-    out, length = [], ROW * reach
+    out, length = [], _ROW * reach
     at, way = begin, abs(wall - begin)
     sign = 1.0 if wall > begin else -1.0
     while way > 1e-9:
-        length = min(length * GROWTH, 0.5 * reach, way)
+        length = min(length * _GROWTH, 0.5 * reach, way)
         if way - length < 0.5 * length:
             length = way
         low, high = sorted((at, at + sign * length))

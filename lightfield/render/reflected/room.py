@@ -26,18 +26,18 @@ from lightfield.render.reflected.orders import (
 from lightfield.render.reflected.patches import AngularResponse, Patches, Transfer, closed, transfer, walls
 from lightfield.scene import Lamp, Scene, Tank, receiver
 
-MOST_PAIRS = 1_500_000  # of fine patch and reading
-FEWEST_PATCHES, MOST_PATCHES, MOST_PARTS = 400, 900, 4
+_MOST_PAIRS = 1_500_000  # of fine patch and reading
+_FEWEST_PATCHES, _MOST_PATCHES, _MOST_PARTS = 400, 900, 4
 #: Step of attenuation, m^-1, between which orders of light are interpolated, and after how many of them it is
 #: twice as long. In the tanks of `benchmarks/constants`, in the middle of steps: to 0.2 % in the clearest
 #: water of one of 37 m, to 0.02 % in the others, and to 0.06 % where steps are long; in a closed white tow
 #: tank, for a beam of 4 degrees, to 0.1 %.
-C_STEP, SHORT_STEPS = 0.025, 6
+C_STEP, _SHORT_STEPS = 0.025, 6
 #: Reflectances of the surface, as far as a scene may say: without the last light between walls of 0.5 was
 #: 0.9 % too dark at 1.3, and 1.9 % at 1.5; with it light is right to 0.04 % there.
 SURFACE_NODES = (0.0, 0.5, 1.0, 1.5)
 #: Albedo of the darker of walls and floor over that of the other: light of one reflection is linear in it.
-FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
+_FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
 #: The normal of the floor has a y above this, that of walls none, and that of a lid looks down.
 _UPWARDS = 0.5
 #: Of walls and floor: albedo over that of the brighter of the two.
@@ -50,16 +50,16 @@ _NUMBERS = (*FEWER, REFLECTIONS)
 #: over that of the one.
 _EVEN, _ODD = 1.0, -1.0
 #: Lamps whose light is remembered: at most so many, and in so many bytes, but some; operators alike.
-KEPT_LAMPS, KEPT_BYTES, FEWEST = 60, 50e6, 8
-KEPT_OPERATORS, OPERATOR_BYTES = 60, 100e6
+KEPT_LAMPS, _KEPT_BYTES, _FEWEST = 60, 50e6, 8
+_KEPT_OPERATORS, _OPERATOR_BYTES = 60, 100e6
 #: What waters let through on the way from the place of a lamp: of at most so many, and in so many bytes.
-KEPT_WATERS, THROUGH_BYTES = 400, 20e6
+_KEPT_WATERS, _THROUGH_BYTES = 400, 20e6
 #: Where it is at most so many times the exchange of the patches, what takes light to the readings at once is
 #: worked out for a water that was asked for so often, and kept in so many bytes: it costs as much as to
 #: follow ten lamps, five where what patches exchange has to be made anew, and of few reflections one or two.
-LARGER, OFTEN, AT_ONCE_BYTES = 2, 5, 100e6
+_LARGER, OFTEN, _AT_ONCE_BYTES = 2, 5, 100e6
 #: Waters of which it is remembered how often they were asked for, in two megabytes.
-COUNTED = 10_000
+_COUNTED = 10_000
 
 
 class Room:
@@ -81,34 +81,34 @@ class Room:
             self._which = which.ravel()
         self.top = scene.tank.lamp_depth_m
         # Many readings: rather fewer patches in three by three parts than more in two by two.
-        count = float(np.clip(MOST_PAIRS / (9 * len(places)), FEWEST_PATCHES, MOST_PATCHES))
+        count = float(np.clip(_MOST_PAIRS / (9 * len(places)), _FEWEST_PATCHES, _MOST_PATCHES))
         self.half, self._openings = walls(scene, float(places[:, 2].max()), lid, count)
         self.patches = self.half.on_both_sides()
         # A receiver that faces straight back to the lamp sees only walls before it.
         before = self.half.centre[:, 2] - self.half.half_along < places[:, 2].max()
         before |= receiver.looks_aside(scene.detector)
         self.before = np.flatnonzero(before)
-        parts = int(sqrt(MOST_PAIRS / (len(places) * 2 * len(self.before))))
-        self.parts = int(np.clip(parts, 1, MOST_PARTS))
+        parts = int(sqrt(_MOST_PAIRS / (len(places) * 2 * len(self.before))))
+        self.parts = int(np.clip(parts, 1, _MOST_PARTS))
         self.fine = self.half.divided(self.parts).on_both_sides()
         self._terms = terms_of_light(self.parts)
         size = 4 * (
             len(self.places) * (self._terms.shape[1] + 1) * len(self.before) + len(self.half.centre) ** 2
         )
-        self._operator = lru_cache(int(np.clip(OPERATOR_BYTES / size, FEWEST, KEPT_OPERATORS)))(
+        self._operator = lru_cache(int(np.clip(_OPERATOR_BYTES / size, _FEWEST, _KEPT_OPERATORS)))(
             self._operator_in
         )
         self._through = lru_cache(2)(self._through_water)
         self._at_once: dict[tuple[_Exchange, float], AtOnce] = {}
-        self._asked = Latest[tuple[_Exchange, float], int](COUNTED)
+        self._asked = Latest[tuple[_Exchange, float], int](_COUNTED)
         self._ways = lru_cache(KEPT_LAMPS)(self._ways_of)
-        waters = int(np.clip(THROUGH_BYTES / (4 * len(self.fine.centre)), FEWEST, KEPT_WATERS))
+        waters = int(np.clip(_THROUGH_BYTES / (4 * len(self.fine.centre)), _FEWEST, _KEPT_WATERS))
         self._dimmed = lru_cache(waters)(lambda at, mirrored, c: self._ways(at, mirrored).through(c))
         self._is_floor = self.half.normal[:, 1] > _UPWARDS
         #: Light of a lamp at the readings.
         self._known: Callable[[Lamp], dict[_Exchange, Orders]]
-        lamps = KEPT_BYTES / (4 * 8 * REFLECTIONS * len(places))
-        self._known = lru_cache(int(np.clip(lamps, FEWEST, KEPT_LAMPS)))(lambda lamp: {})
+        lamps = _KEPT_BYTES / (4 * 8 * REFLECTIONS * len(places))
+        self._known = lru_cache(int(np.clip(lamps, _FEWEST, KEPT_LAMPS)))(lambda lamp: {})
 
     def light(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n_waters, n).
@@ -126,7 +126,7 @@ class Room:
         """
         surface, share = tank.surface_reflectance, tank.floor_share
         albedo, darker = tank.wall_albedo * max(share, 1.0), min(share, 1.0 / share if share else 0.0)
-        dim = FLOOR_NODES if share != 1 else (1.0,)
+        dim = _FLOOR_NODES if share != 1 else (1.0,)
         shares = [(1.0, d) if share <= 1 else (d, 1.0) for d in dim]
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
         nodes, along_c = between_attenuations(attenuation_per_m)
@@ -190,7 +190,7 @@ class Room:
                 return known
         operator = self._operator(*of[:3], side)
         rows, columns = of[3] * len(self.places), len(operator.among)
-        is_worth_it = asked * REFLECTIONS > OFTEN * of[3] and rows <= LARGER * columns
+        is_worth_it = asked * REFLECTIONS > OFTEN * of[3] and rows <= _LARGER * columns
         if is_worth_it and self._room_for(4 * rows * columns, asked):
             self._at_once[each] = operator.at_once(of[3])
         return operator
@@ -200,7 +200,7 @@ class Room:
         sizes = {of: known.later.nbytes for of, known in self._at_once.items()}
         often = {of: self._asked.get(of, 0) / bytes_ for of, bytes_ in sizes.items()}
         seldom, kept = sorted(often, key=often.__getitem__), sum(sizes.values())
-        while kept + size > AT_ONCE_BYTES:
+        while kept + size > _AT_ONCE_BYTES:
             if not seldom or 2 * often[seldom[0]] >= asked / size:
                 return False
             kept -= self._at_once.pop(seldom.pop(0)).later.nbytes
@@ -287,10 +287,10 @@ def between_attenuations(attenuation_per_m: np.ndarray) -> tuple[list[float], np
     weights : array, shape (n, k)
     """
     at, steps = np.asarray(attenuation_per_m, float), np.asarray(attenuation_per_m, float) / C_STEP
-    steps = np.where(steps > SHORT_STEPS, 0.5 * (steps + SHORT_STEPS), steps)
+    steps = np.where(steps > _SHORT_STEPS, 0.5 * (steps + _SHORT_STEPS), steps)
     four = np.maximum(np.floor(steps) - 1, 0).astype(int)[:, None] + np.arange(4)
     needed, column = np.unique(four, return_inverse=True)
-    nodes = np.round(C_STEP * np.where(needed > SHORT_STEPS, 2 * needed - SHORT_STEPS, needed), 6)
+    nodes = np.round(C_STEP * np.where(needed > _SHORT_STEPS, 2 * needed - _SHORT_STEPS, needed), 6)
     column = column.reshape(-1, 4)
     weights, rows = np.zeros((len(at), len(needed))), np.arange(len(at))
     for k in range(4):

@@ -16,9 +16,9 @@ from lightfield.scene import Lamp
 from lightfield.scene.lamp.frame import beam_angles, is_round
 from lightfield.scene.lamp.profile import relative_intensity
 
-FINE = 5  # angles per ring at which a beam is looked at
-FINE_PHI = 4  # azimuths per sector, likewise
-TAIL = 1e-3  # relative intensity below which a misfit no longer counts relatively
+_FINE = 5  # angles per ring at which a beam is looked at
+_FINE_PHI = 4  # azimuths per sector, likewise
+_TAIL = 1e-3  # relative intensity below which a misfit no longer counts relatively
 
 
 class BeamNodes:
@@ -32,12 +32,12 @@ class BeamNodes:
 
     def __init__(self, nodes: AngleNodes, hwhm_deg: float) -> None:
         self.nodes = nodes
-        t = (np.arange((nodes.n_theta - 2) * FINE) + 0.5) / FINE
+        t = (np.arange((nodes.n_theta - 2) * _FINE) + 0.5) / _FINE
         theta = nodes.scale_rad * np.sinh(t * nodes.step)
         splines = ring_weights(t, nodes.n_theta)
-        weight = 1 / (0.5 ** np.minimum((theta / np.radians(1.3 * hwhm_deg)) ** 2, 40) + TAIL)
+        weight = 1 / (0.5 ** np.minimum((theta / np.radians(1.3 * hwhm_deg)) ** 2, 40) + _TAIL)
         self.fit = np.linalg.lstsq(splines * weight[:, None], np.diag(weight), rcond=1e-8)[0]
-        phi = 2 * pi * np.arange(FINE_PHI * nodes.n_phi) / (FINE_PHI * nodes.n_phi)
+        phi = 2 * pi * np.arange(_FINE_PHI * nodes.n_phi) / (_FINE_PHI * nodes.n_phi)
         self.theta = theta
         across, along = np.sin(theta)[:, None], np.cos(theta)[:, None]
         self.directions = across * np.cos(phi), across * np.sin(phi), along
@@ -61,7 +61,7 @@ class BeamNodes:
         angles = beam_angles(lamp.model_copy(update=tilt), *self.directions)
         beam = relative_intensity(lamp, *(angle / stretch for angle in angles))
         # Harmonics that the sectors cannot hold are dropped here, not aliased.
-        harmonics = np.fft.rfft(beam, axis=1)[:, : n_phi // 2 + 1] / (FINE_PHI * self.damping)
+        harmonics = np.fft.rfft(beam, axis=1)[:, : n_phi // 2 + 1] / (_FINE_PHI * self.damping)
         beam = np.fft.irfft(harmonics, n_phi, axis=1)
         return np.asarray(self.fit @ beam).ravel()
 

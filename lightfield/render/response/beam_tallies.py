@@ -22,10 +22,10 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import fields_on
 
 #: Contracted tallies in memory: at most so many, and in so many bytes, but some.
-KEPT_BEAMS, FEWEST_BEAMS, KEPT_BYTES = 256, 8, 32e6
-BEAM_FIELDS = fields_on(Lamp, Acts.BEAM)
+_KEPT_BEAMS, FEWEST_BEAMS, KEPT_BYTES = 256, 8, 32e6
+_BEAM_FIELDS = fields_on(Lamp, Acts.BEAM)
 #: All of a lamp that a contracted tally knows.
-BEAM = attrgetter(*BEAM_FIELDS)
+BEAM = attrgetter(*_BEAM_FIELDS)
 Beam = tuple[Any, ...]
 
 
@@ -90,7 +90,7 @@ class BeamTallies:
     def _contracted(self) -> Callable[[int, bool, Beam], Array]:
         rows = max(each.shape[0] for each in self.tallies.lines.values()) // self.tallies.cells
         largest = np.dtype(np.float32).itemsize * rows * len(self.cell_z_m)
-        return lru_cache(int(np.clip(KEPT_BYTES / largest, FEWEST_BEAMS, KEPT_BEAMS)))(self._contract)
+        return lru_cache(int(np.clip(KEPT_BYTES / largest, FEWEST_BEAMS, _KEPT_BEAMS)))(self._contract)
 
     def _contract(self, kind: int, squares: bool, beam: Beam) -> Array:
         lamp, parts = _lamp_with(beam), []
@@ -143,7 +143,7 @@ class BeamTallies:
     @cached_property
     def _coefficients(self) -> Callable[[Beam, float], Array]:
         """`BeamNodes.values` of the last few beams: they are the same for every trace and class of light."""
-        return lru_cache(KEPT_BEAMS)(lambda beam, s: self.beam_nodes.values(_lamp_with(beam), s))
+        return lru_cache(_KEPT_BEAMS)(lambda beam, s: self.beam_nodes.values(_lamp_with(beam), s))
 
     def thinning(self, index: int, kind: int, lamp: Lamp, weights: Array) -> Array:
         """Factor on the variance because other photons count now than in the traced beam and water.
@@ -202,7 +202,7 @@ class BeamTallies:
 @lru_cache(1)
 def _lamp_with(beam: Beam) -> Lamp:
     """A lamp of this beam, which is asked for at plane after plane."""
-    return Lamp.model_construct(**dict(zip(BEAM_FIELDS, beam, strict=True)))
+    return Lamp.model_construct(**dict(zip(_BEAM_FIELDS, beam, strict=True)))
 
 
 def roots(covariance: Array) -> Array:

@@ -18,17 +18,17 @@ from lightfield.scene.water.coefficients import absorption_per_m, scattering_per
 
 #: Scattered light varies over the width of the beam, or in broad beams over a tenth of the distance, and over
 #: the width of the tank: from these on cells are as large as asked for.
-BROAD_M, BROAD_DEG, ROOMY_M = 0.25, 5.7, 1.0
+_BROAD_M, _BROAD_DEG, _ROOMY_M = 0.25, 5.7, 1.0
 #: What a receiver that looks along the axis sees varies over the radius of its view at the lamp's distance:
 #: from this one on cells are as large as asked for. Of 0.2 m they are half of it, and scattered light behind
 #: collimators of 1 to 15 degrees is right to 1 % (tests/physics/light/test_collimator.py); at 0.7 of it to
 #: 3 %.
-SEEN_M = 0.4
+_SEEN_M = 0.4
 #: Of a tally of the flux vector: its components, and the irradiance of a plane that faces away from the lamp.
 COMPONENTS = ("x", "y", "z", "back")
 #: Cells of uneven positions, which are beside their middles, as a part of those of even ones.
-UNEVEN = 0.5
-SHORTEST_STEP_M = 0.02
+_UNEVEN = 0.5
+_SHORTEST_STEP_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ class Grid:
 
 
 #: Rings and sectors of the directions of a beam.
-RINGS, SECTORS = 20, 8
+_RINGS, _SECTORS = 20, 8
 
 
 @dataclass(frozen=True)
@@ -187,15 +187,15 @@ def in_tank(grid: Grid, scene: Scene) -> Grid:
 
 def fineness(
     z_m: np.ndarray,
-    hwhm_deg: float = BROAD_DEG,
+    hwhm_deg: float = _BROAD_DEG,
     tank: Tank | None = None,
     detector: Detector | None = None,
 ) -> float:
     """How much smaller than in a tow tank everything is: 1 for a beam of 3.2 degrees from 4.5 m on."""
-    beam = np.min(z_m) * np.radians(min(hwhm_deg, BROAD_DEG))
-    room = min(tank.width_m, tank.depth_m) if tank else ROOMY_M
-    seen = np.min(z_m) * np.tan(half_view_rad(detector)) if detector else SEEN_M
-    return float(min(1.0, beam / BROAD_M, room / ROOMY_M, seen / SEEN_M))
+    beam = np.min(z_m) * np.radians(min(hwhm_deg, _BROAD_DEG))
+    room = min(tank.width_m, tank.depth_m) if tank else _ROOMY_M
+    seen = np.min(z_m) * np.tan(half_view_rad(detector)) if detector else _SEEN_M
+    return float(min(1.0, beam / _BROAD_M, room / _ROOMY_M, seen / _SEEN_M))
 
 
 def positions_grid(
@@ -203,7 +203,7 @@ def positions_grid(
     y_m: np.ndarray,
     z_m: np.ndarray,
     cell_m: float = 0.1,
-    hwhm_deg: float = BROAD_DEG,
+    hwhm_deg: float = _BROAD_DEG,
     tank: Tank | None = None,
     most_even: int | None = None,
     detector: Detector | None = None,
@@ -228,7 +228,7 @@ def positions_grid(
 
     def cells(shortest_m: float) -> Grid:
         even = all(_is_even(v, shortest_m) for v in (x_m, y_m))
-        largest = fine * cell_m * (1.0 if even else UNEVEN)
+        largest = fine * cell_m * (1.0 if even else _UNEVEN)
         (x, pitch_x), (y, pitch_y) = (_axis(v, largest, shortest_m) for v in (x_m, y_m))
         x, pitch_x = _off_the_walls(x, pitch_x, x_m, walls[0])
         y, pitch_y = _off_the_walls(y, pitch_y, y_m, walls[1])
@@ -237,7 +237,7 @@ def positions_grid(
         occupied[cell_of(grid, x_m, y_m, z_m)] = True
         return replace(grid, occupied=occupied)
 
-    grid, coarse = cells(fine * SHORTEST_STEP_M), fine * cell_m * UNEVEN
+    grid, coarse = cells(fine * _SHORTEST_STEP_M), fine * cell_m * _UNEVEN
     if most_even is None or not grid.even or np.count_nonzero(np.asarray(grid.occupied)) <= most_even:
         return grid
     return cells(coarse) if min(grid.pitch_x_m, grid.pitch_y_m) < coarse else grid
@@ -310,8 +310,8 @@ def _whole(centres: np.ndarray, pitch: float, low: float, high: float) -> tuple[
 def angle_nodes(hwhm_deg: float) -> AngleNodes:
     """Nodes dense over the core of a beam and sparse out to 70 degrees, for skirts and wide beams."""
     scale = np.radians(1.5 * hwhm_deg)
-    step = float(np.arcsinh(np.radians(70.0) / scale) / (RINGS - 2))
-    return AngleNodes(float(scale), step, RINGS, SECTORS)
+    step = float(np.arcsinh(np.radians(70.0) / scale) / (_RINGS - 2))
+    return AngleNodes(float(scale), step, _RINGS, _SECTORS)
 
 
 def reference_of(scene: Scene) -> Reference:

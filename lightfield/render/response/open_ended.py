@@ -26,7 +26,7 @@ from lightfield.arrays import Array
 STEP = 1.05
 #: Lines shorter than this, m, or than this part of the longest are taken to be as long: on them nothing is
 #: scattered often.
-SHORTEST_M, _FARTHEST = 1e-2, 50.0
+_SHORTEST_M, _FARTHEST = 1e-2, 50.0
 #: A smaller chance has no logarithm to go by.
 _NEVER = 1e-200
 #: Scatterings from which light that was reflected is held together, in maps and in fits.
@@ -56,8 +56,8 @@ class Lengths(NamedTuple):
     @classmethod
     def of(cls, straight_m: Array) -> Lengths:
         """Of straight lines, shape (n_cells,)."""
-        high = max(float(straight_m.max()), SHORTEST_M)
-        low = max(float(straight_m.min()), high / _FARTHEST, SHORTEST_M)
+        high = max(float(straight_m.max()), _SHORTEST_M)
+        low = max(float(straight_m.min()), high / _FARTHEST, _SHORTEST_M)
         count = 2 + ceil(log(high / low) / log(STEP))
         nodes = low * STEP ** np.arange(count)
         length = np.maximum(straight_m, low)

@@ -12,8 +12,8 @@ from lightfield.scene import Water
 from lightfield.scene.curve import Nodes, value_at
 from lightfield.scene.water.layers import is_layered, slab_m
 
-CURVE_NODES = 1024  # of an absorption that is a curve of z
-LEAST_STEP_M = 1e-2  # flights that are more level than this see one absorption
+_CURVE_NODES = 1024  # of an absorption that is a curve of z
+_LEAST_STEP_M = 1e-2  # flights that are more level than this see one absorption
 #: Beyond these z, and so far above or below the lamp, no flight gains light. Chosen about planes of 0.5 to
 #: 10 m; between them the water that a trace is re-used from may absorb less than nothing where that which is
 #: asked for does not.
@@ -46,24 +46,24 @@ class AbsorptionCurve:
     """
 
     def __init__(self, nodes: Nodes) -> None:
-        ends = nodes[0][0], max(nodes[-1][0], nodes[0][0] + LEAST_STEP_M)
-        z = np.linspace(*ends, CURVE_NODES)
+        ends = nodes[0][0], max(nodes[-1][0], nodes[0][0] + _LEAST_STEP_M)
+        z = np.linspace(*ends, _CURVE_NODES)
         value = value_at(nodes, z)
-        step = (ends[1] - ends[0]) / (CURVE_NODES - 1)
+        step = (ends[1] - ends[0]) / (_CURVE_NODES - 1)
         integral = np.concatenate([[0.0], np.cumsum(0.5 * (value[1:] + value[:-1]) * step)])
         self.value, self.integral = mi.Float(value), mi.Float(integral)
         self.first, self.step = (dr.opaque(mi.Float, v) for v in (ends[0], step))
 
     def mean(self, z0: mi.Float, z1: mi.Float) -> mi.Float:
         """Mean absorption between two z; of a level flight that in its middle."""
-        far = dr.abs(z1 - z0) > LEAST_STEP_M
+        far = dr.abs(z1 - z0) > _LEAST_STEP_M
         between = (self._to(z1) - self._to(z0)) / dr.select(far, z1 - z0, 1)
         return dr.select(far, between, self._at(0.5 * (z0 + z1))[0])
 
     def _at(self, z: mi.Float) -> tuple[mi.Float, mi.UInt32, mi.Float]:
         """Value, the node before, and the way from there in steps, below 0 or above 1 beyond the ends."""
         at = (z - self.first) / self.step
-        low = mi.UInt32(dr.clip(at, 0, CURVE_NODES - 2))
+        low = mi.UInt32(dr.clip(at, 0, _CURVE_NODES - 2))
         beyond = at - mi.Float(low)
         a, b = dr.gather(mi.Float, self.value, low), dr.gather(mi.Float, self.value, low + 1)
         return dr.lerp(a, b, dr.clip(beyond, 0, 1)), low, beyond

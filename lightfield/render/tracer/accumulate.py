@@ -33,18 +33,18 @@ from lightfield.scene.bands import middles_nm
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.wording import rounded
 
-FIRST_LAUNCH = 1 << 16
+_FIRST_LAUNCH = 1 << 16
 #: Between two launches lie some 30 ms of the host in the tow tank, beside an H100 that traces four million
 #: photons in less.
 LARGEST_LAUNCH = {"llvm": 1 << 20, "cuda": 1 << 22}
-PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
+_PER_CELL = 1 << 10  # photons of a launch per cell: single precision drops what adds little to a large sum
 #: What one batch takes beside the sums: its tally, and the copy that is added.
 _COPIES = 2
 DIRECTION_BATCHES = 8
 #: Of a tally by direction that is made at a time: for the rest of a larger one as many photons walk again.
-DIRECTIONS_BYTES = 120e6
+_DIRECTIONS_BYTES = 120e6
 #: Lit cells that tell how their errors change with their light; fewer have one in common.
-FEWEST_LIT = 8
+_FEWEST_LIT = 8
 
 
 def trace_until(
@@ -76,8 +76,8 @@ def trace_until(
     )  # fmt: skip
     sums = np.zeros((batches, rows, cells), np.float32)
     listed = cells if images is None else len(images.place)
-    largest = int(np.clip(PER_CELL * listed, FIRST_LAUNCH, LARGEST_LAUNCH[use_backend().kind]))
-    launch = _whole_lanes(min(FIRST_LAUNCH, settings.max_photons / batches))
+    largest = int(np.clip(_PER_CELL * listed, _FIRST_LAUNCH, LARGEST_LAUNCH[use_backend().kind]))
+    launch = _whole_lanes(min(_FIRST_LAUNCH, settings.max_photons / batches))
     books: list[Bookkeeping] = []
     shares: list[int] = []
     first, reached = 0, float("inf")
@@ -213,7 +213,7 @@ def trace_by_direction(
     # Most rows stay dark: what is never written takes no memory.
     every = np.zeros((len(histories), emission_nodes, setup.planes.cells), np.float32)
     parts = np.zeros((DIRECTION_BATCHES, CLASSES, len(images.told_by)))
-    at_once = int(max(DIRECTIONS_BYTES // every[:path_nodes].nbytes, 1))
+    at_once = int(max(_DIRECTIONS_BYTES // every[:path_nodes].nbytes, 1))
     groups = [(first, min(first + at_once, channels)) for first in range(0, channels, at_once)]
     for done, (group, batch) in enumerate(product(groups, range(DIRECTION_BATCHES)), start=1):
         counts, _ = trace(
@@ -269,7 +269,7 @@ def shared_errors(mean: np.ndarray, stderr: np.ndarray) -> np.ndarray:
     for errors, light in zip(relative, mean, strict=True):
         lit = errors > 0
         own = errors[lit]
-        terms = np.vander(np.log(light[lit]), 2 if lit.sum() >= FEWEST_LIT else 1)
+        terms = np.vander(np.log(light[lit]), 2 if lit.sum() >= _FEWEST_LIT else 1)
         law = np.exp(terms @ np.linalg.lstsq(terms, np.log(own), rcond=None)[0]) ** 2
         errors[lit] = np.sqrt(0.5 * own**2 + 0.5 * law * np.mean(own**2 / law)) if lit.any() else own
     return relative

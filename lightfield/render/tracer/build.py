@@ -29,14 +29,14 @@ from lightfield.scene.water.phase.spec import HenyeyGreenstein
 
 #: Attenuation by which water that a tally for fits is asked for is clearer than that of the trace. Without,
 #: light of walls of 0.9 in clear water came out 2 to 3 % too bright in a short tank; with it 1.1 +- 1.2 %.
-CLEARER_PER_M = 0.1
+_CLEARER_PER_M = 0.1
 #: Wall hits that a tally for fits tells apart, and the brightest walls that it is asked for: up to there its
 #: light is right to about 1 % in scattering water (`benchmarks/reuse`); with two orders it was 0.70 of the
 #: truth in a narrow tank.
-WALL_HITS, BRIGHTEST_WALLS = (0, 1, 2, 3, 4, 6, 9, 14, 22, 34), 0.9
+_WALL_HITS, _BRIGHTEST_WALLS = (0, 1, 2, 3, 4, 6, 9, 14, 22, 34), 0.9
 #: Those of a tally of so many cells, which would take gigabytes. Beside the others (2400 cells in the tow
 #: tank) its light is the same to 0.1 % at albedos from 0.2 to 0.8.
-FEWER_HITS, MANY_CELLS = (0, 1, 3, 9, 34), 1000
+_FEWER_HITS, _MANY_CELLS = (0, 1, 3, 9, 34), 1000
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Setup(TransportProblem):
 
 
 #: Steps in which paths are tallied, of a tally that is asked near its reference only.
-COARSE_NODES = 8
+_COARSE_NODES = 8
 
 
 def histories_of(
@@ -73,8 +73,8 @@ def histories_of(
     surfaces = 2 if surface else 0
     told = None
     if walls and nodes is not None:
-        many = len(grid.centres()[0].ravel()) > MANY_CELLS
-        told = WallNodes(FEWER_HITS if many else WALL_HITS, reference.wall_albedo, BRIGHTEST_WALLS)
+        many = len(grid.centres()[0].ravel()) > _MANY_CELLS
+        told = WallNodes(_FEWER_HITS if many else _WALL_HITS, reference.wall_albedo, _BRIGHTEST_WALLS)
     layout = TallyLayout(
         scatterings,
         walls,
@@ -82,9 +82,9 @@ def histories_of(
         max_reflections=2 if (walls and surfaces) or coarse else 3,
         max_scatterings_reflected=HELD_FROM_IN_FITS if coarse else HELD_FROM,
         longest_excess_m=_longest_excess(scene, reference, far),
-        path_nodes=path_nodes or (COARSE_NODES if coarse else PATH_NODES),
+        path_nodes=path_nodes or (_COARSE_NODES if coarse else PATH_NODES),
         wall_nodes=told,
-        clearer_per_m=CLEARER_PER_M if nodes is not None else 0.0,
+        clearer_per_m=_CLEARER_PER_M if nodes is not None else 0.0,
         nodes=nodes,
     )
     return Histories(layout)

@@ -21,12 +21,12 @@ from lightfield.scene.lamp.frame import beam_axes
 from lightfield.scene.lamp.profile import relative_intensity, sections_of
 from lightfield.scene.lamp.section import is_lopsided, narrowing, widest_turn
 
-FINE = 4096  # steps in which the wished density is integrated
+_FINE = 4096  # steps in which the wished density is integrated
 # Steps of the cumulative distribution: even, then ever smaller towards 1, where a tail is thin and wide.
-EVEN, FIRST_OCTAVE, LAST_OCTAVE, PER_OCTAVE = 512, 4, 16, 8
+_EVEN, _FIRST_OCTAVE, _LAST_OCTAVE, _PER_OCTAVE = 512, 4, 16, 8
 TABLE = 4096
 #: Turns at which the widest section of a measured beam is sought.
-TURNS = 72
+_TURNS = 72
 
 
 @dataclass(frozen=True)
@@ -61,13 +61,13 @@ class Emission:
         isotropic = lamp.profile == "isotropic"
         reach = pi if isotropic else 0.5 * pi
         # Equal steps of sin(theta/2) resolve small angles; s = sin^2(theta/2) does not round off.
-        edges = np.linspace(0, np.sin(0.5 * reach), FINE + 1) ** 2
+        edges = np.linspace(0, np.sin(0.5 * reach), _FINE + 1) ** 2
         theta = 2 * np.arcsin(np.sqrt(0.5 * (edges[:-1] + edges[1:])))
         omega = 4 * pi * np.diff(edges)
         shapeless = lamp.profile in ("isotropic", "pencil")
         envelope = np.ones_like(theta) if shapeless else self._envelope(theta)
         beam = envelope * omega
-        cone = np.where(theta <= max(cone_rad, theta[FINE // 256]), omega, 0.0)
+        cone = np.where(theta <= max(cone_rad, theta[_FINE // 256]), omega, 0.0)
         mass = (1 - wide_share) * beam / beam.sum() + wide_share * cone / cone.sum()
         self.theta_rad, self.density = theta, mass / (omega * mass.sum())  # photons per solid angle, 1/sr
         cumulative = np.concatenate([[0.0], np.cumsum(mass)]) / mass.sum()
@@ -111,7 +111,7 @@ class Emission:
         uneven = self.lamp.profile == "table" or is_lopsided(self.lamp)
         # Of a formula the widest section and the narrowest, where a ring is that the other has farther out.
         extremes = widest_turn(self.lamp) + np.array([[0.0], [0.5 * pi]])
-        turns = 2 * pi * np.arange(TURNS)[:, None] / TURNS if uneven else extremes
+        turns = 2 * pi * np.arange(_TURNS)[:, None] / _TURNS if uneven else extremes
         across, up = np.cos(turns), np.sin(turns)
         if self.nodes is not None:
             # Splines over coarse outer rings lift a beam's tail: photons there must not be rare and heavy.
@@ -208,10 +208,10 @@ class Emission:
             # Power 1 on average: equal deposits in one cell would all be rounded to the same side.
             return mi.Vector3f(0 * u1, 0, 1), u1 + 0.5, 0 * u1
         # The steps are such that the bin follows from u1 without a search.
-        octave = -dr.log2(dr.maximum(1 - u1, 2.0**-LAST_OCTAVE)) - FIRST_OCTAVE
-        even, tail = EVEN - EVEN // 2**FIRST_OCTAVE, (LAST_OCTAVE - FIRST_OCTAVE) * PER_OCTAVE
+        octave = -dr.log2(dr.maximum(1 - u1, 2.0**-_LAST_OCTAVE)) - _FIRST_OCTAVE
+        even, tail = _EVEN - _EVEN // 2**_FIRST_OCTAVE, (_LAST_OCTAVE - _FIRST_OCTAVE) * _PER_OCTAVE
         bin_ = dr.select(
-            octave < 0, mi.UInt32(u1 * EVEN), even + mi.UInt32(dr.maximum(octave, 0) * PER_OCTAVE)
+            octave < 0, mi.UInt32(u1 * _EVEN), even + mi.UInt32(dr.maximum(octave, 0) * _PER_OCTAVE)
         )
         bin_ = dr.minimum(bin_, even + tail)
         low, high = dr.gather(mi.Float, self.steps, bin_), dr.gather(mi.Float, self.steps, bin_ + 1)
@@ -249,6 +249,6 @@ class Emission:
 
 def _steps() -> np.ndarray:
     """Ascending values of the cumulative distribution between which the proposal is constant, 0 to 1."""
-    even = np.arange(EVEN - EVEN // 2**FIRST_OCTAVE) / EVEN
-    octaves = np.arange((LAST_OCTAVE - FIRST_OCTAVE) * PER_OCTAVE + 1) / PER_OCTAVE + FIRST_OCTAVE
+    even = np.arange(_EVEN - _EVEN // 2**_FIRST_OCTAVE) / _EVEN
+    octaves = np.arange((_LAST_OCTAVE - _FIRST_OCTAVE) * _PER_OCTAVE + 1) / _PER_OCTAVE + _FIRST_OCTAVE
     return np.concatenate([even, 1 - 2.0**-octaves, [1.0]])

@@ -15,9 +15,9 @@ from lightfield.render.tracer.planes import Planes
 from lightfield.render.tracer.scattering import Turn
 from lightfield.render.tracer.surfaces import FAR, Met, Surfaces
 
-ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
-ROULETTE_SURVIVAL = 0.25
-FORCED = 0.9  # share of the first flights that scatter before the last plane, where they would pass it
+_ROULETTE_BELOW = 0.2  # survival weight under which a photon plays
+_ROULETTE_SURVIVAL = 0.25
+_FORCED = 0.9  # share of the first flights that scatter before the last plane, where they would pass it
 
 
 @dataclass(frozen=True)
@@ -105,9 +105,9 @@ def first_free_flight(
     """
     chance = 1 - dr.exp(-b0 * ahead)
     steered = (ahead > 0) & (ahead < to_surface) & (chance > 1e-5)
-    share = dr.select(steered, dr.maximum(chance, FORCED), 0)
+    share = dr.select(steered, dr.maximum(chance, _FORCED), 0)
     inside, least = u < share, dr.select(steered, ahead, 0)
-    over, under = chance / dr.maximum(share, FORCED), (1 - chance) / (1 - share)
+    over, under = chance / dr.maximum(share, _FORCED), (1 - chance) / (1 - share)
     v = dr.select(inside, u * over, (u - share) / (1 - share))
     free = dr.select(inside, 0, least) + free_flight(b0, v)
     bias = dr.select(inside, over, under)
@@ -223,11 +223,11 @@ def after(
 
     # -------------------------------------------------------------- roulette
     hopeless = planes.behind(position, direction)
-    plays = (weight > 0) & (survival < dr.select(hopeless, 2.0, ROULETTE_BELOW))
-    lives = rng.next_float32() < ROULETTE_SURVIVAL
+    plays = (weight > 0) & (survival < dr.select(hopeless, 2.0, _ROULETTE_BELOW))
+    lives = rng.next_float32() < _ROULETTE_SURVIVAL
     before = weight
-    weight = dr.select(plays, dr.select(lives, weight / ROULETTE_SURVIVAL, 0), weight)
-    survival = dr.select(plays & lives, survival / ROULETTE_SURVIVAL, survival)
+    weight = dr.select(plays, dr.select(lives, weight / _ROULETTE_SURVIVAL, 0), weight)
+    survival = dr.select(plays & lives, survival / _ROULETTE_SURVIVAL, survival)
     invented = ledger.invented + (weight - before)
     length, node = photon.length + t, photon.node
     return (

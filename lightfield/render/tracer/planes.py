@@ -22,11 +22,11 @@ from lightfield.scene.receiver import looks_aside, tilted_axis
 
 OPEN_WATER_REACH = 12.0  # light is not followed beyond this many times the farthest cell's distance
 #: Thickness of the slab, as a part of the distance: the mean of the inverse square over it is 1e-4 too large.
-SLAB = 0.02
+_SLAB = 0.02
 #: The same of a plane at an end wall, before which the slab lies.
-THINNEST = 2e-4
+_THINNEST = 2e-4
 #: A plane may lie at the end wall: light on its way there is not lost to the rounding of its way.
-AT_THE_WALL = 1 + 1e-5
+_AT_THE_WALL = 1 + 1e-5
 
 
 class Crossing(NamedTuple):
@@ -98,7 +98,7 @@ class Planes:
         self.pitch_m, self.cell_m2 = max(grid.pitch_x_m, grid.pitch_y_m), grid.pitch_x_m * grid.pitch_y_m
         self.per_area = _opaque(1 / (grid.pitch_x_m * grid.pitch_y_m))
         room = 2 * np.minimum(grid.z_m - ends_m[0], ends_m[1] - grid.z_m)
-        thickness = np.clip(SLAB * grid.z_m, 0, np.maximum(room, THINNEST * grid.z_m))
+        thickness = np.clip(_SLAB * grid.z_m, 0, np.maximum(room, _THINNEST * grid.z_m))
         self.thickness = mi.Float(thickness)
         self.slab_z = mi.Float(np.clip(grid.z_m, ends_m[0] + 0.5 * thickness, ends_m[1] - 0.5 * thickness))
         self.last = _opaque((grid.z_m + 0.5 * thickness).max())
@@ -125,7 +125,7 @@ class Planes:
 
         `u` is a uniform number, which a slab asks for.
         """
-        z, reach = dr.gather(mi.Float, self.slab_z if self.is_slab else self.z, plane), reach * AT_THE_WALL
+        z, reach = dr.gather(mi.Float, self.slab_z if self.is_slab else self.z, plane), reach * _AT_THE_WALL
         if self.is_slab:
             distance, per_depth = self._in_slab(plane, z, position, direction, reach, u)
             meets = per_depth > 0
@@ -182,7 +182,7 @@ class Planes:
     ) -> Crossing:
         """The crossing at a place of a flight from the window that leads there, where `reach` is so far."""
         distance, per_depth = place.z / direction.z, dr.rcp(dr.maximum(direction.z, 1e-3))
-        hits = (distance < reach * AT_THE_WALL) & (direction.z > 0)
+        hits = (distance < reach * _AT_THE_WALL) & (direction.z > 0)
         return Crossing(distance, place.x, place.y, place.z, hits, cell, mi.Bool(False), cell, per_depth)
 
     def reading(self, crossing: Crossing, direction: mi.Vector3f) -> tuple[tuple[mi.Float, ...], mi.Float]:

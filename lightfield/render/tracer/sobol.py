@@ -11,7 +11,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-BUTTERFLY = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
+_BUTTERFLY = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
 
 
 class ScrambledSobol:
@@ -35,7 +35,7 @@ class ScrambledSobol:
         """Two coordinates in [0, 1] of the points number `index`."""
         # The matrix of the second axis, Pascal's triangle modulo 2, is a Kronecker power: five steps do it.
         second = mi.UInt32(index)
-        for distance, mask in BUTTERFLY:
+        for distance, mask in _BUTTERFLY:
             second ^= (second >> distance) & mi.UInt32(mask)
         return self._scrambled(mi.UInt32(index), 0), self._scrambled(second, 1)
 

@@ -26,17 +26,17 @@ from lightfield.scene.lamp.profile import solid_angle_sr
 
 #: Lines to places are as many as photons of a launch; but to a cell at least so many, and at most: in single
 #: precision a sum of many equal numbers drifts.
-FEWEST_LINES, MOST_LINES = 4, 256
+_FEWEST_LINES, _MOST_LINES = 4, 256
 #: A line to a cell is worth as many photons that cross it, times the square of the beam's width in cells and
 #: the root of the number of lines: in cells of 3 cm at 4.5 m four lines tell as much as photons do of a beam
 #: of 1 degree. Chosen; `tests/physics/light/test_straight.py` compares both from 0.2 to 30 degrees.
-WORTH = 8
+_WORTH = 8
 #: Where photons across the brightest cell are worth less than this part of its lines, none are drawn. Chosen.
-LEAST_WORTH = 0.3
+_LEAST_WORTH = 0.3
 #: Lines to cells do not find light that comes from a small part of a window, wider than so many half widths
 #: of the beam where it is nearest. The view of a collimator, which ends sharply, counts as so many times less
 #: solid angle. Chosen.
-WIDE_WINDOW, EDGE = 0.2, 10.0
+_WIDE_WINDOW, _EDGE = 0.2, 10.0
 
 
 @dataclass(frozen=True)
@@ -114,12 +114,12 @@ def tally_straight(launch: Launch) -> None:
     if problem.emission.lamp.profile == "pencil":
         by_flights(launch)
         return
-    lines = min(max(launch.photons // len(planes.listed), FEWEST_LINES), MOST_LINES)
+    lines = min(max(launch.photons // len(planes.listed), _FEWEST_LINES), _MOST_LINES)
     digits = lines.bit_length() - 1
     worth = _worth(problem) * 2 ** (0.5 * digits)
     nearest = planes.nearest_m + problem.emission.lamp.apparent_distance_m
     brightest = launch.counted * problem.emission.density.max() / nearest**2 * planes.cell_m2
-    if brightest < LEAST_WORTH * worth * 2**digits:
+    if brightest < _LEAST_WORTH * worth * 2**digits:
         worth = inf
     launch = replace(launch, digits=digits, worth=worth)
     if worth > 0:
@@ -136,13 +136,13 @@ def _worth(problem: TransportProblem) -> float:
     lamp, planes, receiver = problem.emission.lamp, problem.planes, problem.planes.receiver
     narrow = pi / solid_angle_sr(lamp)  # 1/rad^2
     distance = planes.nearest_m + lamp.apparent_distance_m
-    if lamp.radius_m > WIDE_WINDOW * distance / sqrt(narrow):
+    if lamp.radius_m > _WIDE_WINDOW * distance / sqrt(narrow):
         return 0.0
     if receiver.acceptance_hwhm_deg:
         narrow += log(2) / radians(receiver.acceptance_hwhm_deg) ** 2
     if receiver.quantity == "radiance":
-        narrow += EDGE / radians(0.5 * receiver.full_angle_deg) ** 2
-    return WORTH * (distance / planes.pitch_m) ** 2 / narrow
+        narrow += _EDGE / radians(0.5 * receiver.full_angle_deg) ** 2
+    return _WORTH * (distance / planes.pitch_m) ** 2 / narrow
 
 
 def by_flights(launch: Launch) -> None:

@@ -18,9 +18,9 @@ from lightfield.scene.tank import WATER_INDEX, Tank
 
 FAR = 1e7  # m, where nothing is hit
 #: A bounced photon starts so far inside the wall, m: single precision is 1e-6 of ten metres.
-OFF_THE_WALL = 1e-4
+_OFF_THE_WALL = 1e-4
 #: Light that flies level still sees the facets before it: sine of the angle to the surface at least.
-LEAST_SINE = 1e-4
+_LEAST_SINE = 1e-4
 
 
 class Met(NamedTuple):
@@ -102,7 +102,7 @@ class Shapes:
         sample, factor = hit.bsdf().sample(self.context, hit, 0.5, turn, active)
         smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
         smooth |= mi.has_flag(sample.sampled_type, mi.BSDFFlags.GlossyReflection)
-        inwards = dr.select(dr.dot(hit.n, direction) < 0, OFF_THE_WALL, -OFF_THE_WALL)
+        inwards = dr.select(dr.dot(hit.n, direction) < 0, _OFF_THE_WALL, -_OFF_THE_WALL)
         return Bounce(factor[0], smooth, hit.p + hit.n * inwards, hit.to_world(sample.wo))
 
 
@@ -155,7 +155,7 @@ class Box:
         back_or_end = ~side & ~lid_or_floor
         axis = mi.Vector3f(dr.select(side, 1, 0), dr.select(lid_or_floor, 1, 0), dr.select(back_or_end, 1, 0))
         normal = -axis * dr.sign(direction)  # into the water
-        wall = dr.select(direction > 0, self.high, self.low) + normal * OFF_THE_WALL
+        wall = dr.select(direction > 0, self.high, self.low) + normal * _OFF_THE_WALL
         at = mi.Point3f(dr.select(axis > 0, wall, position))
         diffuse = mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(turn))
         albedo = dr.select(lid_or_floor & (direction.y < 0), self.floor, self.albedo)
@@ -166,7 +166,7 @@ class Box:
         if self.rough is not None:
             facets = mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, self.rough, sample_visible=True)
             # In the facets' own frame: the third component is the depth.
-            back = mi.Vector3f(-direction.x, -direction.z, dr.maximum(direction.y, LEAST_SINE))
+            back = mi.Vector3f(-direction.x, -direction.z, dr.maximum(direction.y, _LEAST_SINE))
             normal, _ = facets.sample(dr.normalize(back), turn)
             cosine = dr.dot(back, normal)
             onward = 2 * cosine * normal - back

@@ -37,7 +37,7 @@ from lightfield.render.tracer.flight import (
 from lightfield.render.tracer.sobol import ScrambledSobol
 from lightfield.render.tracer.straight import Launch, tally_straight
 
-MAX_FLIGHTS = 4000
+_MAX_FLIGHTS = 4000
 PHOTONS_PER_LANE = 64
 Given = ParamSpec("Given")
 Walked = TypeVar("Walked")
@@ -142,8 +142,8 @@ def trace(
         tally_along(photon, met.distance, mirror_x, rng)
         photon, ledger = then(photon, ledger, met, free, rng)
         flights += 1
-        unfinished += dr.select(flights >= MAX_FLIGHTS, photon.weight, 0)
-        alive = (photon.weight > 0) & (flights < MAX_FLIGHTS)
+        unfinished += dr.select(flights >= _MAX_FLIGHTS, photon.weight, 0)
+        alive = (photon.weight > 0) & (flights < _MAX_FLIGHTS)
 
     # All outputs in one kernel: a sum asked for alone would walk every photon again.
     outputs = (emitted, ledger.absorbed, ledger.at_walls, ledger.escaped, unfinished, ledger.invented)

@@ -29,9 +29,9 @@ from lightfield.studies.attenuation.study import Content
 from lightfield.wording import capital, minus
 
 #: Errors that are smaller are told with two decimals.
-SMALL_PERCENT = 0.1
+_SMALL_PERCENT = 0.1
 #: Distances and colours that a figure can show apart.
-LINES = 6
+_LINES = 6
 
 
 def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
@@ -47,7 +47,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
         if len(colour) == 1:
             left.errorbar(colour, value, error, color=RENDER, marker="o", capsize=3)
         least = int(np.argmin(value))
-        digits = 1 if error[least] >= SMALL_PERCENT else 2
+        digits = 1 if error[least] >= _SMALL_PERCENT else 2
         left.annotate(
             f"least: {value[least]:.{digits}f} ± {error[least]:.{digits}f} % at {colour[least]:g} nm",
             (colour[least], value[least]), (0, -22), textcoords="offset points", color=RENDER,
@@ -69,7 +69,7 @@ def percent_figure(one: Apparent, narrow: bool = False) -> Figure:
                 ha="center",
             )
         label(left, "wavelength (nm)", "% lost per metre", "What the receiver loses per metre")
-        for k, d in enumerate(distances[evenly(len(distances), LINES)]):
+        for k, d in enumerate(distances[evenly(len(distances), _LINES)]):
             value, error = one.percent(float(d))
             shade = SERIES[k % len(SERIES)]
             drawn: dict[str, Any] = {"marker": marker, "markersize": 3, "label": f"{d:.3g} m"}
@@ -83,7 +83,7 @@ def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
     """ln(water / air) against distance with the fitted straight lines, and what is left over."""
     r, e, here, path_m = one.ratios, one.estimate, one.on_line, one.path_m
     order = np.argsort(path_m)
-    chosen = evenly(len(one.K_per_m), LINES)
+    chosen = evenly(len(one.K_per_m), _LINES)
     with panels(2, 3.8, narrow=narrow) as (fig, (upper, lower)):
         for k, colour in enumerate(chosen):
             shade = SERIES[k % len(SERIES)]
@@ -99,7 +99,7 @@ def lines_figure(one: Apparent, narrow: bool = False) -> Figure:
             lower.plot(path_m, scaled[:, colour], ".", color=DATA, alpha=0.4, markersize=4)
         lower.axhline(0, color=MUTED, linewidth=0.8)
         stays, stay = 100 * e.beta[: len(r.stay_stderr)], r.stay[here]
-        decimals = 1 if np.abs(stays).max() >= SMALL_PERCENT else 2
+        decimals = 1 if np.abs(stays).max() >= _SMALL_PERCENT else 2
         for k, value in ((k, stays[k]) for k in np.unique(stay)):
             told = minus(f"{value:+.{decimals}f} %")
             lower.annotate(

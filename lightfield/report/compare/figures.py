@@ -34,15 +34,15 @@ from lightfield.studies.compare.maps import PlaneComparison
 from lightfield.studies.compare.rings import ERROR_LEVELS, SIGMAS
 from lightfield.wording import plain
 
-MOST_PLANES, MOST_NARROW = 5, 3
-FLAT = 0.6  # height over width under which a panel has no room beside it for words
+_MOST_PLANES, _MOST_NARROW = 5, 3
+_FLAT = 0.6  # height over width under which a panel has no room beside it for words
 #: Where the colours of error maps end, and where a formula is mostly farther off than that.
-ERROR_SCALE, FAR_OFF = 0.50, 1.0
+_ERROR_SCALE, _FAR_OFF = 0.50, 1.0
 #: Part of the brightest cell's light that cells of the spot have at least. Chosen: as errors count elsewhere.
 _OF_SPOT = 0.05
 #: Errors that profiles show, at least and at most.
-LEAST_SHOWN, MOST_SHOWN = (-0.52, 0.32), (-1.05, 2.0)
-CONTOURS = dict(zip(ERROR_LEVELS, ((0, (2, 2)), "solid"), strict=True))
+_LEAST_SHOWN, _MOST_SHOWN = (-0.52, 0.32), (-1.05, 2.0)
+_CONTOURS = dict(zip(ERROR_LEVELS, ((0, (2, 2)), "solid"), strict=True))
 
 
 def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, narrow: bool = False) -> Figure:
@@ -51,9 +51,9 @@ def maps_figure(planes: Sequence[PlaneComparison], units: str, quantity: str, na
     `narrow`: a plane is a row, and these three its columns.
     """
     there = len(planes)
-    planes = [planes[k] for k in evenly(there, MOST_NARROW if narrow else MOST_PLANES)]
+    planes = [planes[k] for k in evenly(there, _MOST_NARROW if narrow else _MOST_PLANES)]
     n, tall = len(planes), _height_of(planes)
-    flat = tall < FLAT
+    flat = tall < _FLAT
     if narrow:
         size = NARROW, 2.3 + n * (1.2 * tall + 0.5)
     else:
@@ -84,7 +84,7 @@ def _error_scale(planes: Sequence[PlaneComparison]) -> float:
     """Where colours of errors end: farther off where most of the spot on a plane would have the last one."""
     with np.errstate(invalid="ignore"):
         off = [np.abs(p.ratio - 1)[p.render > _OF_SPOT * np.nanmax(p.render)] for p in planes]
-    return FAR_OFF if any(np.median(one) > ERROR_SCALE for one in off if one.size) else ERROR_SCALE
+    return _FAR_OFF if any(np.median(one) > _ERROR_SCALE for one in off if one.size) else _ERROR_SCALE
 
 
 def _plane_maps(axes: Any, plane: PlaneComparison, scale: float, right: bool) -> tuple[AxesImage, AxesImage]:
@@ -145,7 +145,7 @@ def _colour_bars(
 def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Figure:
     """Profiles over rings with three-sigma bands, and the error of the formula below."""
     there = len(planes)
-    planes = [planes[k] for k in evenly(there, MOST_NARROW if narrow else MOST_PLANES)]
+    planes = [planes[k] for k in evenly(there, _MOST_NARROW if narrow else _MOST_PLANES)]
     with figure(*((NARROW, 0.5 + 3.2 * len(planes)) if narrow else (WIDTH, 4.4))) as fig:
         if narrow:
             stack = fig.subplots(
@@ -156,7 +156,7 @@ def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fi
             axes = fig.subplots(
                 2, len(planes), squeeze=False, sharex=True, sharey="row", height_ratios=(1.35, 1)
             )
-        low, high = LEAST_SHOWN
+        low, high = _LEAST_SHOWN
         for column, plane in enumerate(planes):
             upper, lower, profile = axes[0, column], axes[1, column], plane.profile
             scale = float(np.nanmax(profile.render)) or np.nan  # an empty panel where no light was rendered
@@ -188,7 +188,7 @@ def radial_figure(planes: Sequence[PlaneComparison], narrow: bool = False) -> Fi
                 upper.set_ylabel("relative" if narrow else "relative to the render's\nbrightest ring")
                 lower.set_ylabel("error" if narrow else "error of the formula")
         for lower in axes[1]:
-            lower.set_ylim(max(low, MOST_SHOWN[0]), min(high, MOST_SHOWN[1]))
+            lower.set_ylim(max(low, _MOST_SHOWN[0]), min(high, _MOST_SHOWN[1]))
         axes[0, 0].legend(loc="lower left")
         if len(planes) < there:
             fig.suptitle(f"{len(planes)} of {there} planes", x=0.01, ha="left", fontsize=9, color=MUTED)
@@ -281,7 +281,7 @@ def error_band(axis: Axes, x: np.ndarray, error: np.ndarray, noise: np.ndarray) 
 
 def _contours(axis: Axes, plane: PlaneComparison) -> None:
     beyond = plane.smooth_excess()
-    for level, dash in CONTOURS.items():
+    for level, dash in _CONTOURS.items():
         if np.nanmax(beyond) > level > np.nanmin(beyond):
             axis.contour(
                 plane.x_m,

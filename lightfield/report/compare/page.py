@@ -19,7 +19,7 @@ from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
 from lightfield.studies.compare.rings import BEYOND, ERROR_LEVELS
 from lightfield.wording import capital, minus, plain
 
-HEAD = (
+_HEAD = (
     "z (m)",
     "on the axis",
     "formula there",
@@ -30,8 +30,8 @@ HEAD = (
     "5 % to r (m)",
     "10 % to r (m)",
 )
-TERMINAL_HEAD = ("z m", "on axis", "formula off", "hwhm m", "formula", "lacking", "5% to", "10% to")
-PROVENANCE = {
+_TERMINAL_HEAD = ("z m", "on axis", "formula off", "hwhm m", "formula", "lacking", "5% to", "10% to")
+_PROVENANCE = {
     "seed": "seed",
     "photons": "photons traced",
     "requested_relative_error": "requested relative error",
@@ -42,7 +42,7 @@ PROVENANCE = {
 
 
 def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
-    """Cells of the table as text, one row per plane, in the order of `HEAD`."""
+    """Cells of the table as text, one row per plane, in the order of `_HEAD`."""
     return [
         [
             f"{plane.z_m:g}",
@@ -64,7 +64,7 @@ def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
     quantity = capital(plain(comparison.quantity))
     title = f"{quantity} at {wavelength_nm:g} nm, {units}; 1.234(5) is 1.234 ± 0.005"
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for head in TERMINAL_HEAD:
+    for head in _TERMINAL_HEAD:
         table.add_column(head, justify="right", no_wrap=True)
     for plane in comparison.at(wavelength_nm):
         spot = plane.render_spot
@@ -138,9 +138,9 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
         title=f"{comparison.scene.name or 'Scene'}: the formula against the render",
         verdict=as_text(comparison),
         bands=bands,
-        table_head=[f"{head} ({unit})" if head == "on the axis" else head for head in HEAD],
+        table_head=[f"{head} ({unit})" if head == "on the axis" else head for head in _HEAD],
         energy=energy_rows(attributes),
-        provenance=[(text, attributes[name]) for name, text in PROVENANCE.items() if name in attributes],
+        provenance=[(text, attributes[name]) for name, text in _PROVENANCE.items() if name in attributes],
         scene_toml=attributes.get("scene_toml", ""),
     )
 

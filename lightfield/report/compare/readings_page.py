@@ -18,7 +18,7 @@ from lightfield.report.page import PageFigure, Section, Table, page_figure, stud
 from lightfield.studies.compare.readings import FitReport
 
 #: How to go on where something is missing.
-WHAT_NEXT = (
+_WHAT_NEXT = (
     " A diagnosis (`diagnose`) of the same readings and scene looks for what it is. Another comparison "
     "(`compare`) into the same folder, with an effect of your choice, adds a rung to this page."
 )
@@ -53,7 +53,7 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
         if len(rungs) > 1
         else "The first model of these readings.",
         f"Is anything missing beside the newest? p = {adequate:.2g}; small means yes."
-        + WHAT_NEXT * (adequate < ALPHA),
+        + _WHAT_NEXT * (adequate < ALPHA),
     ]
     parameters = [
         [path, f"{e.value:.5g}", "–" if e.stderr is None else f"{e.stderr:.2g}", e.unit, e.reason or ""]

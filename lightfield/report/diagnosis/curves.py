@@ -25,9 +25,9 @@ from lightfield.report.style import (
 from lightfield.wording import plain
 
 #: Bands are drawn so wide, in standard errors.
-BAND = 2.0
+_BAND = 2.0
 #: Local unknowns that are drawn beside each other, and how far their bands, over the farthest departure.
-SHOWN, _REACH = 2, 1.5
+_SHOWN, _REACH = 2, 1.5
 
 
 def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
@@ -47,7 +47,7 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
         parts = fig.subfigures(*grid, squeeze=False).ravel()
         axes = [part.subplots(2, 1, sharex=True, height_ratios=(2.2, 1)) for part in parts]
         for (upper, lower), curve in zip(axes, curves, strict=True):
-            wide = BAND * curve.stderr
+            wide = _BAND * curve.stderr
             upper.fill_between(
                 curve.at, curve.value - wide, curve.value + wide, color=RENDER, alpha=0.25, linewidth=0
             )
@@ -78,12 +78,12 @@ def left_figure(left: Sequence[LeftOver], narrow: bool = False) -> Figure:
     narrow : bool, optional
         Below each other, for a telephone.
     """
-    shown = left[:SHOWN]
+    shown = left[:_SHOWN]
     count = len(shown)
     with figure(*((NARROW, 0.5 + 2.7 * count) if narrow else (WIDTH if count > 1 else 6.0, 3.4))) as fig:
         grid = (count, 1) if narrow else (1, count)
         for axes, one in zip(fig.subplots(*grid, squeeze=False, sharey=True).ravel(), shown, strict=True):
-            factor, wide = np.array(one.factor), BAND * np.array(one.stderr)
+            factor, wide = np.array(one.factor), _BAND * np.array(one.stderr)
             axes.fill_between(one.at, factor - wide, factor + wide, color=RENDER, alpha=0.25, linewidth=0)
             axes.plot(one.read_at, one.read, ".", color=DATA, markersize=3, label="readings over the model")
             axes.plot(one.at, factor, color=RENDER, label="with the unknown")

@@ -31,22 +31,22 @@ from lightfield.report.style import (
 )
 from lightfield.wording import minus, plain
 
-MOST_PANELS, MOST_NARROW = 5, 3
+_MOST_PANELS, MOST_NARROW = 5, 3
 #: Readings that span more than this are drawn over decades, and of decades no more than these.
-LOG_FROM, MOST_DECADES = 5.0, 1e-6
+_LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
-AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
+_AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
 #: A panel of five has room for so many letters above it (chosen by eye).
 _ONE_LINE = 18
 #: Misfits are drawn linear within the first, and over decades beyond where they reach the second, in sigma.
-NOISE_SIGMA, FAR_SIGMA = 3.0, 15.0
+_NOISE_SIGMA, FAR_SIGMA = 3.0, 15.0
 #: Where decades of misfit are labelled, of either sign.
 _DECADES = (0, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 #: Explanations whose signatures are drawn.
 _MOST_SIGNATURES = 4
-STYLES, MARKS = ("solid", DASH, "dotted", "dashdot"), ("s", "^", "D", "v")
+_STYLES, _MARKS = ("solid", DASH, "dotted", "dashdot"), ("s", "^", "D", "v")
 # Without its darkest ends: they would vanish on a dark page.
-RED_BLUE = ListedColormap(colormaps["RdBu_r"](np.linspace(0.13, 0.87, 256)))
+_RED_BLUE = ListedColormap(colormaps["RdBu_r"](np.linspace(0.13, 0.87, 256)))
 
 
 def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
@@ -105,7 +105,7 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
     upper.set_title(label)
     _over_decades(upper, value[~out])
     residual_panel(lower, view, at, rows, out)
-    lower.set_xlabel(AXIS_NAMES[view.scan_axis])
+    lower.set_xlabel(_AXIS_NAMES[view.scan_axis])
 
 
 def _mark_no_light(upper: Axes, view: ReadingsView, group: Group) -> None:
@@ -122,7 +122,7 @@ def _mark_no_light(upper: Axes, view: ReadingsView, group: Group) -> None:
 
 def _linear_over_noise(axis: Axes) -> None:
     """Logarithmic beyond the noise: one axis for the misfit and for what is left of it."""
-    axis.set_yscale("symlog", linthresh=NOISE_SIGMA, linscale=1)
+    axis.set_yscale("symlog", linthresh=_NOISE_SIGMA, linscale=1)
     _label_decades(axis)
 
 
@@ -161,11 +161,11 @@ def misfit_dots(
     The colours reach as far as the base model's misfit.
     """
     readings = view.readings
-    most = max(_largest_misfit(view), NOISE_SIGMA)
+    most = max(_largest_misfit(view), _NOISE_SIGMA)
     over = most > FAR_SIGMA
-    norm = SymLogNorm(NOISE_SIGMA, vmin=-most, vmax=most) if over else Normalize(-most, most)
+    norm = SymLogNorm(_NOISE_SIGMA, vmin=-most, vmax=most) if over else Normalize(-most, most)
     return axis.scatter(
-        x, y, c=view.residual_sigma(step)[rows], cmap=RED_BLUE, norm=norm,
+        x, y, c=view.residual_sigma(step)[rows], cmap=_RED_BLUE, norm=norm,
         s=np.where(readings.left_out[rows], 8, 34), edgecolors=MUTED, linewidths=0.4,
     )  # fmt: skip
 
@@ -187,7 +187,7 @@ def rms_title(view: ReadingsView, step: int, rows: NDArray[np.intp] | slice = sl
 def _over_decades(axis: Axes, value: np.ndarray) -> None:
     """A logarithmic axis for readings that are positive and span more than a few times their least."""
     lit = value[np.isfinite(value) & (value > 0)]
-    if 2 * lit.size < value.size or not lit.size or lit.max() < LOG_FROM * lit.min():
+    if 2 * lit.size < value.size or not lit.size or lit.max() < _LOG_FROM * lit.min():
         return
     low, high = axis.get_ylim() if axis.get_yscale() == "log" else (lit.min(), lit.max())
     axis.set_yscale("log")
@@ -218,7 +218,7 @@ def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
         return _grid_map(view)
     readings, scan, shown = view.readings, "y_m" if view.scan_axis == "y_m" else "x_m", steps(view)
     there = view.bands()
-    bands = few(there, MOST_NARROW if narrow else MOST_PANELS)
+    bands = few(there, MOST_NARROW if narrow else _MOST_PANELS)
     panels = [(step, band) for step, _ in shown for band in bands]
     side_by_side = len(bands) > 1 and not narrow
     columns = 1 if narrow else len(bands) if side_by_side else len(shown)
@@ -233,7 +233,7 @@ def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
             label(axis, "", "", f"{', '.join(filter(None, names))}\n{rms_title(view, step, at)}")
             axis.margins(0.06, 0.12)
         for axis in axes[-1]:
-            axis.set_xlabel(AXIS_NAMES[scan])
+            axis.set_xlabel(_AXIS_NAMES[scan])
         for k, axis in enumerate(axes[:, 0]):
             axis.set_ylabel(f"{shown[k][1]}\nz (m)" if side_by_side else "z (m)")
         misfit_bar(fig, dots, axes.ravel())
@@ -243,7 +243,7 @@ def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
 
 def _grid_map(view: ReadingsView) -> Figure:
     """The same for readings in x and y: one map per scan, before above, after below."""
-    groups = few(view.groups(), MOST_PANELS)
+    groups = few(view.groups(), _MOST_PANELS)
     rungs = [step for step, _ in steps(view)]
     readings = view.readings
     with figure(WIDTH, 0.8 + 2.1 * len(rungs)) as fig:
@@ -292,13 +292,13 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
                     at,
                     (signature.change / view.readings.sigma)[rows],
                     color=SERIES[(0, 2, 3, 4)[k]],
-                    linestyle="none" if view.is_scattered else STYLES[k % len(STYLES)],
-                    marker=MARKS[k % len(MARKS)] if view.is_scattered else None,
+                    linestyle="none" if view.is_scattered else _STYLES[k % len(_STYLES)],
+                    marker=_MARKS[k % len(_MARKS)] if view.is_scattered else None,
                     markersize=3.5,
                     label=plain(signature.label),
                 )
             axis.grid(False, axis="y")
-            across = "r (m), from the axis" if view.is_scattered else AXIS_NAMES[view.scan_axis]
+            across = "r (m), from the axis" if view.is_scattered else _AXIS_NAMES[view.scan_axis]
             label(axis, across, "", group.label)
         axes[0].set_ylabel("σ")
         handles, names = axes[0].get_legend_handles_labels()
@@ -315,7 +315,7 @@ def _panels(view: ReadingsView) -> list[Group]:
         return [Group("along the axis", np.concatenate([group.rows for group in groups]))]
     if view.is_grid:
         groups = [_middle_line(view, group) for group in groups]
-    return few(groups, MOST_PANELS)
+    return few(groups, _MOST_PANELS)
 
 
 def _middle_line(view: ReadingsView, group: Group) -> Group:

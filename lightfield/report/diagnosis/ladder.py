@@ -19,7 +19,7 @@ from lightfield.report.page import three_digits
 from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
 from lightfield.wording import plain
 
-SURE_SIGMA = 6.0
+_SURE_SIGMA = 6.0
 #: Rungs whose errors lie farther apart than this are drawn on a logarithmic axis.
 FAR_APART = 8.0
 
@@ -112,7 +112,7 @@ def separation_figure(separation: Separation, narrow: bool = False) -> Figure:
                     (FORMULA, 0.45, "bold")
                     if value < SAME_CLASS_SIGMA
                     else (SERIES[4], 0.28, "normal")
-                    if value < SURE_SIGMA
+                    if value < _SURE_SIGMA
                     else (GOOD, 0.16, "normal")
                 )
                 cell = Rectangle((i - 0.48, j - 0.46), 0.96, 0.92, facecolor=colour, alpha=alpha, linewidth=0)

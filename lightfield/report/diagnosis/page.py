@@ -43,17 +43,17 @@ from lightfield.report.page import PageFigure, fill, page_figure, three_digits
 from lightfield.report.tank import tank_figure
 from lightfield.wording import plain
 
-TAGS = {
+_TAGS = {
     Kind.NONE: ("good", "nothing missing"),
     Kind.IDENTIFIED: ("good", "identified"),
     Kind.AMBIGUOUS: ("open", "cannot be told apart"),
     Kind.UNEXPLAINED: ("bad", "unexplained"),
 }
 #: Names of the figures.
-DRAWN = ("data", "residuals", "ladder", "tank", "curves", "left", "signatures", "separation")
+_DRAWN = ("data", "residuals", "ladder", "tank", "curves", "left", "signatures", "separation")
 #: Sigma and gaps beyond this are one: surely there.
-MANY = 1000.0
-FORMULA_IS_NOT_CAUSE = (
+_MANY = 1000.0
+_FORMULA_IS_NOT_CAUSE = (
     "An effect is named for the formula that explains the readings; a formula that fits is not yet the cause."
 )
 
@@ -66,7 +66,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
     view : DiagnosisView
     """
     verdict = view.verdict
-    kind, text = TAGS[verdict.verdict]
+    kind, text = _TAGS[verdict.verdict]
     advice = verdict.next_measurement
     spots = advice.readings if advice else []
     return fill(
@@ -108,7 +108,9 @@ def _figures(view: DiagnosisView, spots: Sequence[PlaceToRead]) -> dict[str, Pag
         Where to read next.
     """
     verdict, readings = view.verdict, view.readings
-    told: dict[str, tuple[Any, ...] | None] = dict.fromkeys(DRAWN)  # caption, what it is, and how it is drawn
+    told: dict[str, tuple[Any, ...] | None] = dict.fromkeys(
+        _DRAWN
+    )  # caption, what it is, and how it is drawn
     if view.is_scattered:
         told["data"] = (
             "Each reading with its error against what the model says of its place: on the line they agree. "
@@ -205,7 +207,7 @@ def _lead(verdict: Verdict) -> list[str]:
             f"The error {verb} from {_optional(first, 2)} % to {_optional(last, 2)} %; "
             f"the noise floor is {_floor(floor)} %."
         )
-        lines.append(FORMULA_IS_NOT_CAUSE)
+        lines.append(_FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {_floor(floor)} %.")
     if last is not None and floor is not None and last < _left_of_noise(verdict) * floor:
@@ -224,7 +226,7 @@ def _lead(verdict: Verdict) -> list[str]:
 def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     """An effect of the best set: how sure it is, and what would be without it."""
     numbers = [
-        "–" if v is None else f"{v:.3g}" if v < MANY else f"> {MANY:g}"
+        "–" if v is None else f"{v:.3g}" if v < _MANY else f"> {_MANY:g}"
         for v in (one.sigma_to_remove, one.gap)
     ]
     less = ["–"] * 4 if one.without_it is None else _light(one.without_it)

@@ -34,8 +34,8 @@ from lightfield.wording import capital
 
 #: In which unit a coordinate is shown, and its factor.
 SHOWN = {name: ("mm", 1e3) if name in POSE[:3] else ("deg", float(np.degrees(1))) for name in POSE}
-MAP_LEVELS = 13  # of a map
-MOST_ARRAYS = 4  # side by side
+_MAP_LEVELS = 13  # of a map
+_MOST_ARRAYS = 4  # side by side
 _NARROW, _WIDE = 16, 24  # letters of a name in a line
 WORDS = {"x": "sideways", "y": "up, down", "z": "along", "yaw": "yaw", "pitch": "pitch", "roll": "roll"}
 
@@ -121,7 +121,7 @@ def map_figure(survey: Survey, narrow: bool = False) -> Figure:
             if np.isfinite(lit).any():
                 low, high = np.nanmin(lit), np.nanmax(lit)
                 norm = LogNorm(low, max(high, 1.01 * low))
-                levels = np.geomspace(low, max(high, 1.01 * low), MAP_LEVELS)
+                levels = np.geomspace(low, max(high, 1.01 * low), _MAP_LEVELS)
                 picture = axis.contourf(x, z, lit, levels, cmap="viridis_r", norm=norm)
                 bar = fig.colorbar(picture, ax=axis, label=f"{unit}")
                 plain_log_axis(bar.ax.yaxis)
@@ -141,7 +141,7 @@ def map_figure(survey: Survey, narrow: bool = False) -> Figure:
 
 def comparison_figure(arrays: Sequence[JudgedArray], narrow: bool = False) -> Figure:
     """The arrays, best first, over their criterion; narrow: an array a row."""
-    shown = arrays[:MOST_ARRAYS]
+    shown = arrays[:_MOST_ARRAYS]
     tall = 2.6 * (len(shown) if narrow else 1)
     reach = 1.25 * max(one.elements.reach_m for one in shown)
     with figure(NARROW if narrow else WIDTH, tall + 0.8 + 0.45 * len(shown)) as fig:

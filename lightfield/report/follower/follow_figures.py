@@ -32,17 +32,17 @@ from lightfield.studies.following.study import Followed
 from lightfield.sweep.results import axes_of
 
 #: Frames of a strip, and rows of one figure.
-FRAMES, FEW_FRAMES, MOST_ROWS = 5, 3, 6
+_FRAMES, _FEW_FRAMES, MOST_ROWS = 5, 3, 6
 #: Width and height of a frame, inches, about.
-PANEL_INCHES = np.array([1.7, 0.9])
+_PANEL_INCHES = np.array([1.7, 0.9])
 #: Half widths of the lamp's beam that are drawn as light, the outer ones fainter.
-FANS = ((2.0, 0.10), (1.4, 0.14), (1.0, 0.22))
+_FANS = ((2.0, 0.10), (1.4, 0.14), (1.0, 0.22))
 #: Widest beam that is drawn as one, degrees.
 _WIDEST_DEG = 80.0
 #: What of a mission says when its light or its water changes.
-EVENTS = ("dark_from_s", "dark_for_s", "turbid_factor", "turbid_from_s", "turbid_for_s", "current_from_s")
+_EVENTS = ("dark_from_s", "dark_for_s", "turbid_factor", "turbid_from_s", "turbid_for_s", "current_from_s")
 #: Colours of what is believed: the traced field in that of renders, the formula in its own.
-COLOURS = {
+_COLOURS = {
     "field": RENDER, "exact": FORMULA, "fitted": SERIES[2], "clear": SERIES[3], "relative": SERIES[4],
 }  # fmt: skip
 
@@ -52,7 +52,7 @@ def strip_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
 
     `narrow`: fewer frames, one a row.
     """
-    frames = FEW_FRAMES if narrow else FRAMES
+    frames = _FEW_FRAMES if narrow else _FRAMES
     shown = cases[:MOST_ROWS]
     ways = [one.track.pose[:, one.typical, :3] + one.track.leader_m for one in shown]
     far = max(float(way[:, 2].max()) for way in ways) + 0.8
@@ -83,16 +83,16 @@ def _frame(axis: Axes, one: Followed, k: int, size: np.ndarray, *, below_name: b
     track, mission = one.track, one.mission
     run = one.typical
     lamp, pose, believed = track.leader_m[k], track.pose[k, run], track.estimate[k, run]
-    lit, colour = bool(track.lit[k, run]), COLOURS[mission.believes]
+    lit, colour = bool(track.lit[k, run]), _COLOURS[mission.believes]
     half = np.tan(np.radians(min(stated_width_deg(own_formulas.lit(one.scene).lamp), _WIDEST_DEG)))
     end = lamp[2] + 20.0
     if lit:
-        for wider, strength in FANS:
+        for wider, strength in _FANS:
             edge = wider * half * 20.0
             corners = np.array([[lamp[2], lamp[0]], [end, lamp[0] + edge], [end, lamp[0] - edge]])
             axis.fill(*corners.T, color=SERIES[4], alpha=strength, linewidth=0)
     axis.plot(lamp[2], lamp[0], "o", color=SERIES[4] if lit else MUTED, markersize=6, markeredgecolor=INK)
-    past = slice(max(0, k - len(track.time_s) // FRAMES), k + 1)
+    past = slice(max(0, k - len(track.time_s) // _FRAMES), k + 1)
     way = track.pose[past, run, :3] + track.leader_m[past]
     axis.plot(way[:, 2], way[:, 0], color=colour, linewidth=0.9, alpha=0.7)
     goal = lamp[2] + track.goal_m[k, run]
@@ -117,7 +117,7 @@ def _vehicle(axis: Axes, pose: np.ndarray, size: np.ndarray, colour: str, *, fil
     body = 0.13 * np.array([[-1.0, 0.0], [1.0, 0.5], [0.6, 0.0], [1.0, -0.5]])
     c, s = np.cos(pose[3]), np.sin(pose[3])
     along, across = body[:, 0] * c + body[:, 1] * s, body[:, 1] * c - body[:, 0] * s
-    metres = size / PANEL_INCHES
+    metres = size / _PANEL_INCHES
     axis.fill(
         pose[2] + metres[0] * along, pose[0] + metres[1] * across, facecolor=colour if filled else "none",
         edgecolor=colour, linewidth=1.0, linestyle="-" if filled else (0, (2, 1)), zorder=3 if filled else 4,
@@ -130,7 +130,7 @@ def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
         for k, one in enumerate(cases[:MOST_ROWS]):
             track = one.track
             colour, style = (
-                COLOURS[one.mission.believes],
+                _COLOURS[one.mission.believes],
                 ("-", (0, (4, 2)), (0, (1, 1)))[_scene(cases, k) % 3],
             )
             going = np.isnan(track.contact[:, 0]) | (track.time_s[:, None] <= track.contact[:, 0])
@@ -168,7 +168,7 @@ def _scene(cases: Sequence[Followed], k: int) -> int:
 
 def _events(axis: Axes, cases: Sequence[Followed]) -> None:
     """Darkness, water that changes, a current that sets in; what missions have in common once."""
-    alike = {tuple(getattr(one.mission, name) for name in EVENTS): one.mission for one in cases}
+    alike = {tuple(getattr(one.mission, name) for name in _EVENTS): one.mission for one in cases}
     for mission in alike.values():
         _events_of(axis, mission)
 
@@ -211,11 +211,11 @@ def sweep_figure(data: xr.Dataset, metric: str, narrow: bool = False) -> Figure:
         for k, at_others in enumerate(np.ndindex(*(data.sizes[name] for name in others))):
             one = data.isel(dict(zip(others, at_others, strict=True)))
             name = ", ".join(str(data[n].values[i]) for n, i in zip(others, at_others, strict=True))
-            belief = name if name in COLOURS else ""
+            belief = name if name in _COLOURS else ""
             error = np.nan_to_num(one[f"{metric}_stderr"].values)
             axis.errorbar(
                 at, one[metric].values, error, marker="o", capsize=3, linestyle="-" if numbers else "none",
-                color=COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
+                color=_COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
             )  # fmt: skip
         if not numbers:
             axis.set_xticks(at, [str(step) for step in steps])

@@ -21,11 +21,11 @@ from lightfield.sweep.results import axes_of
 from lightfield.wording import capital, plain
 
 #: Metrics of the table, beside those of docking.
-SHOWN = (
+_SHOWN = (
     "standoff", "across_rms", "yaw_rms", "belief_less_truth", "belief_scatter", "nearest", "doubtful",
 )  # fmt: skip
 #: Shown where they are not zero, or exist.
-ON_OCCASION = ("standoff_at_end", "overshoot", "without_light", "back_after", "outside")
+_ON_OCCASION = ("standoff_at_end", "overshoot", "without_light", "back_after", "outside")
 
 
 def following_page(found: Following) -> str:
@@ -33,8 +33,8 @@ def following_page(found: Following) -> str:
     cases = found.cases
     first = cases[0]
     docking = any(one.mission.task == "dock" for one in cases)
-    names = [name for name in (*OF_DOCKING, *SHOWN) if any(name in one.runs for one in cases)]
-    names += [name for name in ON_OCCASION if any(_matters(one, name) for one in cases)]
+    names = [name for name in (*OF_DOCKING, *_SHOWN) if any(name in one.runs for one in cases)]
+    names += [name for name in _ON_OCCASION if any(_matters(one, name) for one in cases)]
     rows = [[f"{plain(n)} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
     count = len(first.track.contact)
     cut = f" The first {MOST_ROWS} of {len(cases)} followers." if len(cases) > MOST_ROWS else ""

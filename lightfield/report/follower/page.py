@@ -20,7 +20,7 @@ from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import Bound, doubt_in_words, is_told
 from lightfield.studies.follower.survey import DOCKING_ASKS, LOOKS_AWAY, Survey
 
-NOT_MODELLED = (
+_NOT_MODELLED = (
     "shadow and reflections of the follower itself, receivers that accept less than a half space, and light "
     "that reaches an element from behind its plane"
 )
@@ -48,7 +48,7 @@ def page(
 ) -> str:
     """A page of a follower in a scene."""
     title = f"{title}: {scene.name}" if scene.name else title
-    origin = [*provenance, ("scene", scene.digest()[:16]), ("left out", NOT_MODELLED)]
+    origin = [*provenance, ("scene", scene.digest()[:16]), ("left out", _NOT_MODELLED)]
     return study_page(title, verdict, lead, sections, scene.to_toml(), origin)
 
 

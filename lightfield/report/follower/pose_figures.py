@@ -32,9 +32,9 @@ from lightfield.studies.follower.estimation.sequence import Poses
 from lightfield.studies.follower.frames import POSE
 
 #: Standard deviations that a bar or band spans to either side.
-SIGMAS = 2
+_SIGMAS = 2
 #: Least length of an arrow of a map, m: shorter ones are dots.
-LEAST_ARROW_M = 0.005
+_LEAST_ARROW_M = 0.005
 
 
 def bias_figure(study: BiasStudy, narrow: bool = False) -> Figure:
@@ -48,7 +48,7 @@ def bias_figure(study: BiasStudy, narrow: bool = False) -> Figure:
             for k, distance in enumerate(z):
                 one = axis.sel(calibration=name).isel(z_m=k)
                 panel.errorbar(
-                    b, one.bias_z.values, SIGMAS * one.sigma_z.values, color=SERIES[k], marker="o",
+                    b, one.bias_z.values, _SIGMAS * one.sigma_z.values, color=SERIES[k], marker="o",
                     markersize=4, capsize=2, label=f"z = {distance:g} m",
                 )  # fmt: skip
             label(panel, "scattering b (1/m)", "", fill(str(name), 40 if narrow else 18))
@@ -76,7 +76,7 @@ def plane_figure(study: BiasStudy, narrow: bool = False) -> Figure:
             dx, dz = one.bias_x.values, one.bias_z.values
             length = np.hypot(dx, dz)
             panel.plot(x.ravel(), z.ravel(), ".", color=MUTED, markersize=3)
-            far = length > LEAST_ARROW_M
+            far = length > _LEAST_ARROW_M
             panel.quiver(
                 x[far], z[far], dx[far], dz[far], length[far], cmap="YlOrRd", angles="xy",
                 scale_units="xy", scale=1,
@@ -125,7 +125,7 @@ def sequence_figure(poses: Poses, narrow: bool = False) -> Figure:
                     )  # fmt: skip
             if poses.tracked is not None:
                 way = factor * np.array([one.pose[at[k]] for one in poses.tracked])
-                wide = factor * SIGMAS * np.sqrt([one.total[k, k] for one in poses.tracked])
+                wide = factor * _SIGMAS * np.sqrt([one.total[k, k] for one in poses.tracked])
                 limits = _around(panel, t, way, np.nan_to_num(wide, posinf=0.0))
                 wide = np.nan_to_num(wide, posinf=float(np.ptp(limits)))  # of what is unknown, to the edges
                 banded(panel, t, way, wide, alpha=0.2, color=RENDER, label="filter")

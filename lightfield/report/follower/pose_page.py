@@ -15,7 +15,7 @@ from lightfield.studies.follower.information import is_told
 from lightfield.wording import capital, minus
 
 #: Samples that a table shows.
-MOST_ROWS = 40
+_MOST_ROWS = 40
 
 
 def bias_page(study: BiasStudy) -> str:
@@ -106,7 +106,7 @@ def _with_trace(bias_m: float, trace_m: float) -> str:
 def poses_page(poses: Poses) -> str:
     """Page of `pose estimate`."""
     rows = []
-    for k, one in enumerate(poses.estimates[:MOST_ROWS]):
+    for k, one in enumerate(poses.estimates[:_MOST_ROWS]):
         if one.lost or one.total is None:
             rows.append([f"{poses.time_s[k]:.2f}", *["–"] * len(poses.names), "light lost"])
             continue
@@ -120,7 +120,7 @@ def poses_page(poses: Poses) -> str:
         state += f", {len(one.rivals)} rival{'s' * (len(one.rivals) > 1)}" if one.rivals else ""
         rows.append([f"{poses.time_s[k]:.2f}", *cells, f"{state} ({one.chi2:.0f})"])
     there = len(poses.estimates)
-    cut = f" The first {MOST_ROWS} of {there} readings; the figure shows all." if there > MOST_ROWS else ""
+    cut = f" The first {_MOST_ROWS} of {there} readings; the figure shows all." if there > _MOST_ROWS else ""
     fit = (
         "all fit the light that is believed in"
         if not poses.lost + poses.misfits

@@ -23,7 +23,7 @@ SpectrumName = Literal[
 Several = Annotated[tuple[Peak, ...], Field(min_length=1)]
 SECTION = Acts.BEAM | Acts.SECTION
 #: The family of which each profile is the plain Gaussian with more of its parameters.
-GAUSSIAN = ("profile", "gaussian", "super-gaussian", "two-component")
+_GAUSSIAN = ("profile", "gaussian", "super-gaussian", "two-component")
 
 
 class Lamp(Part):
@@ -36,19 +36,19 @@ class Lamp(Part):
     )
     hwhm_deg: float = number(
         3.81, "deg", "half width of the beam at half maximum",
-        Acts.BEAM, low=0.05, high=90.0, only_for=GAUSSIAN,
+        Acts.BEAM, low=0.05, high=90.0, only_for=_GAUSSIAN,
     )  # fmt: skip
     shape_exponent: float = number(
         2.0, "1", "m of exp(-ln2 (theta/hwhm)^m)",
-        Acts.BEAM, low=0.2, high=50.0, neutral=2.0, only_for=GAUSSIAN,
+        Acts.BEAM, low=0.2, high=50.0, neutral=2.0, only_for=_GAUSSIAN,
     )  # fmt: skip
     skirt_fraction: float = number(
         0.0, "1", "on-axis intensity of the skirt over that of the core",
-        Acts.BEAM, low=0.0, high=10.0, neutral=0.0, only_for=GAUSSIAN,
+        Acts.BEAM, low=0.0, high=10.0, neutral=0.0, only_for=_GAUSSIAN,
     )  # fmt: skip
     skirt_hwhm_deg: float = number(
         15.0, "deg", "half width of the skirt at half maximum",
-        Acts.BEAM, low=0.05, high=90.0, only_for=GAUSSIAN,
+        Acts.BEAM, low=0.05, high=90.0, only_for=_GAUSSIAN,
     )  # fmt: skip
     ellipticity: float = number(
         1.0, "1", "hwhm in y over hwhm in x", SECTION, low=0.05, high=20.0, neutral=1.0

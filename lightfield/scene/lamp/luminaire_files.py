@@ -14,9 +14,9 @@ from lightfield.storage.tables import LARGEST
 
 #: Half planes go round if from the last to the first it is no more than so many of the largest steps.
 #: Chosen: files leave out one plane.
-LARGEST_GAP = 1.5
+_LARGEST_GAP = 1.5
 #: Planes nearer to each other are one.
-SAME_DEG = 1e-6
+_SAME_DEG = 1e-6
 
 
 class Luminaire(NamedTuple):
@@ -141,13 +141,13 @@ def all_around(plane_deg: Array, intensity: Array) -> tuple[Array, Array]:
     if len(plane_deg) == 1:
         return np.zeros(1), intensity
     gaps = np.append(np.diff(plane_deg), 360.0 - span)
-    if span > 180.0 + SAME_DEG and gaps[-1] <= LARGEST_GAP * gaps[:-1].max():
-        if span < 360.0 - SAME_DEG:
+    if span > 180.0 + _SAME_DEG and gaps[-1] <= _LARGEST_GAP * gaps[:-1].max():
+        if span < 360.0 - _SAME_DEG:
             plane_deg, intensity = np.append(plane_deg, first + 360.0), np.vstack([intensity, intensity[:1]])
         images = 1
     else:
         images = round(360.0 / span)
-        if images % 2 or abs(images * span - 360.0) > SAME_DEG:
+        if images % 2 or abs(images * span - 360.0) > _SAME_DEG:
             parts = [p for p in plane_deg.tolist() if p - first in (90.0, 180.0)]
             without = f"; without those beyond {parts[-1]:g} deg they are one" if parts else ""
             raise ValueError(

@@ -19,15 +19,15 @@ from lightfield.storage.tables import LARGEST, column_names, read_columns, read_
 
 #: Half planes that differ by no more than this part of the largest intensity from their mean are one round
 #: beam. Chosen: the error that light without photons is given (`render.diffuse.ratio`).
-ROUND = 0.002
+_ROUND = 0.002
 #: Intensities that differ by less, as a part of that on the axis, are the same.
-SAME_INTENSITY = 1e-9
+_SAME_INTENSITY = 1e-9
 #: From here on it can be felt by how much two smooth beams through one table differ, as a part of the beam
 #: there: a third of the misfit that a diagnosis takes for none unless it is told otherwise.
 _UNTOLD = 1e-3
 _TURN = 2 * np.pi
 #: Columns of a table with errors: of every row by itself; and how those begin that rows share.
-OWN_ERROR, SHARED_ERROR = "stderr", "error_"
+_OWN_ERROR, SHARED_ERROR = "stderr", "error_"
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ class BeamTable:
         """Is it the same at a turn and at that mirrored?"""
         turn = np.concatenate([self.turn_rad, (about - self.turn_rad) % _TURN])[:, None]
         one, other = self.at(self.angle_rad, turn), self.at(self.angle_rad, about - turn)
-        return bool(np.abs(one - other).max() <= SAME_INTENSITY)
+        return bool(np.abs(one - other).max() <= _SAME_INTENSITY)
 
     def at(self, angle_rad: ArrayLike, turn_rad: ArrayLike) -> Array:
         """Relative intensity at angles from the axis and turns about it, rad, broadcast together."""
@@ -180,7 +180,7 @@ def beam_table(path: str) -> BeamTable:
     # What is off on the axis is off in the unit of all.
     errors = errors - np.outer(errors[:, 0], intensity[0])
     mean = _average(turns, intensity)
-    if np.abs(intensity - mean).max() <= ROUND * mean.max():
+    if np.abs(intensity - mean).max() <= _ROUND * mean.max():
         turns, intensity = np.zeros(1), mean[None]
     stated = np.radians(angle)
     every, intensity = filled(stated, intensity)
@@ -242,7 +242,7 @@ def _stated_errors(path: str, angle: Array) -> Array:
     if Path(path).suffix.lower() in {".ies", ".ldt"}:
         return np.empty((0, len(angle)))
     names = column_names(path)
-    shared, own = [n for n in names if n.startswith(SHARED_ERROR)], [n for n in names if n == OWN_ERROR]
+    shared, own = [n for n in names if n.startswith(SHARED_ERROR)], [n for n in names if n == _OWN_ERROR]
     if not (shared or own):
         return np.empty((0, len(angle)))
     if "phi_deg" in names:

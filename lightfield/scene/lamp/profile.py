@@ -18,9 +18,9 @@ from lightfield.storage.tables import kept_by_tables
 
 LN2 = math.log(2.0)
 HALF_PI = 0.5 * math.pi
-GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(24)
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(24)
 #: Nodes between the angles of a table, where it is linear; turns over a quarter of an oval beam.
-_FEW, OF_OVAL = np.polynomial.legendre.leggauss(6), 512
+_FEW, _OF_OVAL = np.polynomial.legendre.leggauss(6), 512
 
 
 def relative_intensity(lamp: Lamp, theta_x_rad: ArrayLike, theta_y_rad: ArrayLike) -> Array:
@@ -158,7 +158,7 @@ def _turns(lamp: Lamp) -> tuple[Array, Array]:
         phi = middle[:, None] + half[:, None] * np.array([-1.0, 1.0]) / math.sqrt(3.0)
         return phi.ravel(), np.repeat(half / (2.0 * math.pi), 2)
     round_ = 4.0 if is_lopsided(lamp) or lamp.ellipticity_diagonal != 1.0 else 1.0
-    return (np.arange(OF_OVAL) + 0.5) * (round_ * HALF_PI / OF_OVAL), np.full(OF_OVAL, 1.0 / OF_OVAL)
+    return (np.arange(_OF_OVAL) + 0.5) * (round_ * HALF_PI / _OF_OVAL), np.full(_OF_OVAL, 1.0 / _OF_OVAL)
 
 
 def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
@@ -179,5 +179,5 @@ def _quadrature(lamp: Lamp) -> tuple[Array, Array]:
     pieces = np.unique(np.concatenate([[0.0], edges[edges < HALF_PI], [HALF_PI]]))
     half: NDArray[Any] = 0.5 * np.diff(pieces)
     middle: NDArray[Any] = 0.5 * (pieces[1:] + pieces[:-1])
-    x, w = (GAUSS_X, GAUSS_W) if table is None else _FEW
+    x, w = (_GAUSS_X, _GAUSS_W) if table is None else _FEW
     return (middle[:, None] + half[:, None] * x).ravel(), (half[:, None] * w).ravel()

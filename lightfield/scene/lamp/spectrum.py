@@ -12,8 +12,8 @@ from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.spectral import peaks
 from lightfield.storage.tables import read_columns
 
-SECOND_RADIATION_NM_K = 1.438776877e7  # h c / k, CODATA 2018 (exact in the SI)
-ILLUMINANT_A_NM = 1.435e7 / 2848.0  # h c / (k T) as the CIE fixes it: 2855.5 K on today's scale
+_SECOND_RADIATION_NM_K = 1.438776877e7  # h c / k, CODATA 2018 (exact in the SI)
+_ILLUMINANT_A_NM = 1.435e7 / 2848.0  # h c / (k T) as the CIE fixes it: 2855.5 K on today's scale
 
 
 def planck_fraction_per_nm(wavelength_nm: ArrayLike, scale_nm: float) -> Array:
@@ -63,7 +63,7 @@ def _stated_power(lamp: Lamp, at: Array) -> Array:
         return np.asarray(lamp.power_w * np.interp(at, known, power, left=0.0, right=0.0) / total)
     if found := peaks.peaks_of(lamp.spectrum):
         return lamp.power_w * peaks.density_per_nm(found, at)
-    scale = ILLUMINANT_A_NM if lamp.spectrum == "cie-a" else SECOND_RADIATION_NM_K / lamp.temperature_k
+    scale = _ILLUMINANT_A_NM if lamp.spectrum == "cie-a" else _SECOND_RADIATION_NM_K / lamp.temperature_k
     return lamp.power_w * planck_fraction_per_nm(at, scale)
 
 

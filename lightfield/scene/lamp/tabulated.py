@@ -18,7 +18,7 @@ from lightfield.storage.files import write_text
 
 #: Even steps up to the last angle that counts, then ever larger ones to the side: linear between them, a beam
 #: is right to 1e-3 of its axis (test_curve.py).
-EVEN, LARGER = 401, 100
+_EVEN, _LARGER = 401, 100
 #: Wavelengths of a scene, and steps of a table of power: a black body is right to 1e-3 (test_more_curves.py).
 FIRST_NM, LAST_NM, STEP_NM = 200.0, 2000.0, 5.0
 
@@ -34,8 +34,8 @@ def intensity_rows(lamp: Lamp, to_deg: float) -> dict[str, Array]:
     to_deg : float
         Up to here the beam is tabulated finely.
     """
-    fine = np.linspace(0.0, min(to_deg, 90.0), EVEN)
-    angle = np.unique(np.concatenate([fine, np.geomspace(max(fine[-1], 1e-3), 90.0, LARGER)]))
+    fine = np.linspace(0.0, min(to_deg, 90.0), _EVEN)
+    angle = np.unique(np.concatenate([fine, np.geomspace(max(fine[-1], 1e-3), 90.0, _LARGER)]))
     turn, intensity = sections_of(lamp, np.radians(angle))
     columns = {"angle_deg": np.tile(angle, len(turn)), "phi_deg": np.repeat(np.degrees(turn), len(angle))}
     if len(turn) == 1:

@@ -21,7 +21,7 @@ from lightfield.arrays import Array
 from lightfield.errors import RuleError
 
 #: Longest formula, in characters; most parts (numbers, names, operations) of it. Chosen: much arithmetic.
-LONGEST, MOST_PARTS = 500, 200
+LONGEST, _MOST_PARTS = 500, 200
 #: Largest number that may be written.
 _LARGEST = 1e12
 
@@ -54,9 +54,9 @@ _COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Gt: np.greater,
     ast.GtE: np.greater_equal,
 }
-RULE = (
+_RULE = (
     f"numbers, names, + - * / **, one comparison (< <= > >=) at a time, brackets, {', '.join(CONSTANTS)} and "
-    f"{', '.join(FUNCTIONS)}; at most {LONGEST} characters and {MOST_PARTS} parts"
+    f"{', '.join(FUNCTIONS)}; at most {LONGEST} characters and {_MOST_PARTS} parts"
 )
 
 
@@ -88,8 +88,8 @@ class Expression:
         parts = 0
         for node in ast.walk(tree):
             parts += isinstance(node, ast.expr)
-            if parts > MOST_PARTS:
-                raise _refused(f"more than {MOST_PARTS} parts")
+            if parts > _MOST_PARTS:
+                raise _refused(f"more than {_MOST_PARTS} parts")
             _check(node)
         return tree
 
@@ -118,7 +118,7 @@ class Expression:
 
 
 def _refused(found: str) -> RuleError:
-    return RuleError(f"a formula holds {RULE}", "write it with these alone", found=found)
+    return RuleError(f"a formula holds {_RULE}", "write it with these alone", found=found)
 
 
 def _check(node: ast.AST) -> None:

@@ -18,22 +18,22 @@ Stage = Literal["source", "path", "receiver", "readout"]
 #: What a formula may speak of at each stage: position of the reading and distance from the apparent source in
 #: m, angle from the beam's axis in degrees, time in s, wavelength in nm; the reading over the largest one.
 _PLACE = ("x", "y", "z", "r", "theta", "wavelength")
-VARIABLES: dict[str, tuple[str, ...]] = {
+_VARIABLES: dict[str, tuple[str, ...]] = {
     "source": ("theta", "time", "wavelength"),
     "path": _PLACE,
     "receiver": (*_PLACE, "time"),
     "readout": (*_PLACE, "time", "signal"),
 }
 #: Effects of a scene, parameters of each, characters of a name: at most. Chosen: what a person can think of.
-MOST_EFFECTS, MOST_PARAMETERS, LONGEST_NAME = 20, 8, 40
+MOST_EFFECTS, _MOST_PARAMETERS, _LONGEST_NAME = 20, 8, 40
 #: A size worth asking about, as a part of the range, where none is given; starts of a shape. Chosen.
-TYPICAL_PART, STARTS = 0.05, (0.1, 0.3, 0.5, 0.7, 0.9)
+_TYPICAL_PART, STARTS = 0.05, (0.1, 0.3, 0.5, 0.7, 0.9)
 #: What a formula gives with every amplitude switched off differs from 1 (or the signal) by rounding at most.
 _NEUTRAL = 1e-9
 #: Light is multiplied by at most so much.
 _MOST = 1e6
 Number = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
-Name = Annotated[str, Field(pattern=rf"^[a-z][a-z0-9_]{{0,{LONGEST_NAME - 1}}}$")]
+Name = Annotated[str, Field(pattern=rf"^[a-z][a-z0-9_]{{0,{_LONGEST_NAME - 1}}}$")]
 Clause = Annotated[str, Field(max_length=500)]
 
 
@@ -83,14 +83,14 @@ class OwnParameter(Part):
     @property
     def size(self) -> float:
         """A size worth asking about."""
-        return TYPICAL_PART * (self.range[1] - self.range[0]) if self.typical is None else self.typical
+        return _TYPICAL_PART * (self.range[1] - self.range[0]) if self.typical is None else self.typical
 
 
 class OwnEffect(Part):
     """An effect of the user's own."""
 
     name: Name = Field(description="what results call it")
-    family: Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)] = Field(
+    family: Annotated[str, Field(min_length=1, max_length=_LONGEST_NAME)] = Field(
         "own hypothesis", description="what readings can nearly always tell"
     )
     stage: Stage = Field(
@@ -98,15 +98,15 @@ class OwnEffect(Part):
         "that arrives; readout: the new reading"
     )
     formula: str = Field(description="arithmetic over the stage's variables and the parameters")
-    parameters: dict[Name, OwnParameter] = Field(min_length=1, max_length=MOST_PARAMETERS)
+    parameters: dict[Name, OwnParameter] = Field(min_length=1, max_length=_MOST_PARAMETERS)
     physics: Clause = Field("A hypothesis of the user's own.", description="what happens")
     laboratory: Clause = Field("Change what it supposes, and read again.", description="how to check it")
 
     @model_validator(mode="after")
     def _formula_is_possible(self) -> OwnEffect:
-        expression, variables = Expression(self.formula), VARIABLES[self.stage]
+        expression, variables = Expression(self.formula), _VARIABLES[self.stage]
         where = f"formula of {self.name}"
-        taken = {*CONSTANTS, *FUNCTIONS, *VARIABLES["readout"]} & self.parameters.keys()
+        taken = {*CONSTANTS, *FUNCTIONS, *_VARIABLES["readout"]} & self.parameters.keys()
         if taken:
             raise RuleError(
                 f"{where}: parameters have names of their own", "rename it", found=", ".join(sorted(taken))

@@ -13,14 +13,14 @@ REFERENCE_NM = 550.0
 # 400-700 nm: A as a sum of Gaussians (centre nm, width nm, height m^2/mg), rms 0.2 % of its maximum; E as a
 # Chebyshev series in (wavelength - 550) / 150, rms 0.006.
 # The product is within 2 % of theirs at 1 mg/m^3, 4 % at 0.1 and 10.
-PIGMENTS = np.array(
+_PIGMENTS = np.array(
     [
         [396.3, 21.81, 0.02174], [415.8, 9.24, 0.00923], [437.2, 13.02, 0.02916], [462.9, 13.61, 0.02396],
         [487.7, 14.18, 0.01687], [510.2, 17.92, 0.00962], [544.5, 20.61, 0.00589], [590.5, 15.69, 0.00388],
         [617.9, 11.83, 0.00215], [646.4, 19.03, 0.00564], [690.0, 79.97, 0.00168], [675.0, 10.09, 0.01479],
     ]
 )  # fmt: skip
-EXPONENT = (
+_EXPONENT = (
     0.786, 0.1527, 0.0022, -0.0244, 0.0849, 0.0376, -0.0219, 0.0148, 0.021, -0.01, -0.0171, 0.0011, 0.0056,
     -0.0007, -0.0025,
 )  # fmt: skip
@@ -39,9 +39,9 @@ def chlorophyll_absorption_per_m(chlorophyll_mg_per_m3: float, wavelength_nm: Ar
     w = np.clip(np.asarray(wavelength_nm, dtype=float), 400.0, 700.0)
     if chlorophyll_mg_per_m3 <= 0:
         return np.zeros_like(w)
-    centre, width, height = PIGMENTS.T
+    centre, width, height = _PIGMENTS.T
     specific = np.exp(-0.5 * ((w[..., None] - centre) / width) ** 2) @ height
-    exponent = np.polynomial.chebyshev.chebval((w - 550.0) / 150.0, EXPONENT)
+    exponent = np.polynomial.chebyshev.chebval((w - 550.0) / 150.0, _EXPONENT)
     return np.asarray(specific * chlorophyll_mg_per_m3**exponent)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from lightfield.arrays import Array
 
-STATIONS = {"clear": "AUTEC 8", "coastal": "HAOCE 11", "harbor": "NUC 2040"}
-FAMILIES = {
+_STATIONS = {"clear": "AUTEC 8", "coastal": "HAOCE 11", "harbor": "NUC 2040"}
+_FAMILIES = {
     "petzold": (
         "petzold_stations.csv",
         "Petzold 1972, SIO report 72-78, 530 nm; used as grey (one wavelength was measured)",
@@ -92,7 +92,7 @@ def pure_water_absorption() -> tuple[Array, Array, Array]:
 def list_presets() -> dict[str, Preset]:
     """Every named water by name, in the order of the sources."""
     presets: dict[str, Preset] = {}
-    for family, (file, source) in FAMILIES.items():
+    for family, (file, source) in _FAMILIES.items():
         grouped: dict[str, list[dict[str, str]]] = {}
         for row in rows_of(file):
             grouped.setdefault(row.get("water_type") or row["station"], []).append(row)
@@ -104,7 +104,7 @@ def list_presets() -> dict[str, Preset]:
             names = [
                 f"{family}-{key.lower().replace(' ', '-')}" if family == "petzold" else f"{family}-{key}"
             ]
-            names += [f"petzold-{alias}" for alias, station in STATIONS.items() if station == key]
+            names += [f"petzold-{alias}" for alias, station in _STATIONS.items() if station == key]
             for name in names:
                 presets[name] = Preset(name, family, f"{key}: {source}", w, a, b)
     return presets

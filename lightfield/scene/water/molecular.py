@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 
-BOLTZMANN = 1.380649e-23
-AVOGADRO = 6.02214076e23
-MOLAR_MASS_KG = 18e-3
+_BOLTZMANN = 1.380649e-23
+_AVOGADRO = 6.02214076e23
+_MOLAR_MASS_KG = 18e-3
 DEPOLARISATION = 0.039
 
 
@@ -62,9 +62,9 @@ def molecular_scattering_per_m(
     cabannes = (6 + 6 * DEPOLARISATION) / (6 - 7 * DEPOLARISATION)
     k4 = (w * 1e-9) ** -4
     density = (
-        0.5 * math.pi**2 * k4 * BOLTZMANN * (t + 273.15) * _compressibility_per_pa(t, s) * density_change**2
+        0.5 * math.pi**2 * k4 * _BOLTZMANN * (t + 273.15) * _compressibility_per_pa(t, s) * density_change**2
     )
-    fluctuation = s * MOLAR_MASS_KG * index_per_salinity**2 / _density_kg_per_m3(t, s) / AVOGADRO
+    fluctuation = s * _MOLAR_MASS_KG * index_per_salinity**2 / _density_kg_per_m3(t, s) / _AVOGADRO
     salt = 2 * math.pi**2 * k4 * n**2 * fluctuation / -_log_activity_slope(t, s)
     at_90 = (density + salt) * cabannes
     return np.asarray(8 * math.pi / 3 * at_90 * (2 + DEPOLARISATION) / (1 + DEPOLARISATION))

@@ -17,7 +17,7 @@ from lightfield.scene.water.phase.spec import HenyeyGreenstein, PhaseSpec
 from lightfield.storage.tables import read_columns, readable
 
 PerMetre = Annotated[float, Field(strict=True, ge=0.0, le=100.0)]
-COEFFICIENTS = Acts.ABSORPTION | Acts.SCATTERING | Acts.COLOUR
+_COEFFICIENTS = Acts.ABSORPTION | Acts.SCATTERING | Acts.COLOUR
 
 
 class Water(Part):
@@ -26,7 +26,7 @@ class Water(Part):
     tables_of: ClassVar[Mapping[str, str]] = {"table": "base"}
 
     base: str = declare(
-        "none", '"none", "pure", "table" or the name of a preset', Acts.BASE | COEFFICIENTS, neutral="none"
+        "none", '"none", "pure", "table" or the name of a preset', Acts.BASE | _COEFFICIENTS, neutral="none"
     )
     absorption_per_m: float = number(
         0.0, "1/m", "grey absorption, added to the base; below 0 for water clearer than its base",
@@ -50,10 +50,10 @@ class Water(Part):
     table: TablePath | None = declare(
         None,
         'for base "table": CSV (wavelength_nm, absorption_per_m, scattering_per_m)',
-        Acts.BASE | COEFFICIENTS,
+        Acts.BASE | _COEFFICIENTS,
     )
     chlorophyll_mg_per_m3: float = number(
-        0.0, "mg/m^3", "chlorophyll", COEFFICIENTS, low=0.0, high=1000.0, neutral=0.0
+        0.0, "mg/m^3", "chlorophyll", _COEFFICIENTS, low=0.0, high=1000.0, neutral=0.0
     )
     cdom_440_per_m: float = number(
         0.0, "1/m", "absorption of dissolved organic matter at 440 nm",
@@ -64,7 +64,7 @@ class Water(Part):
         Acts.ABSORPTION | Acts.COLOUR, low=0.0, high=0.1,
     )  # fmt: skip
     sediment_g_per_m3: float = number(
-        0.0, "g/m^3", "non-algal particles", COEFFICIENTS, low=0.0, high=1e4, neutral=0.0
+        0.0, "g/m^3", "non-algal particles", _COEFFICIENTS, low=0.0, high=1e4, neutral=0.0
     )
     absorption_at: tuple[tuple[Nanometres, PerMetre], ...] = declare(
         (), "[[wavelength_nm, absorption_per_m], ...], added to the base: linear between, constant beyond",
@@ -78,7 +78,9 @@ class Water(Part):
         neutral=(),
         later=True,
     )
-    temperature_c: float = number(20.0, "degC", "of the water", Acts.BASE | COEFFICIENTS, low=-2.0, high=40.0)
+    temperature_c: float = number(
+        20.0, "degC", "of the water", Acts.BASE | _COEFFICIENTS, low=-2.0, high=40.0
+    )
     salinity_psu: float = number(
         0.0, "1", "practical salinity", Acts.BASE | Acts.SCATTERING | Acts.COLOUR, low=0.0, high=45.0
     )

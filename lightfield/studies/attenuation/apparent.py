@@ -21,7 +21,7 @@ from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, Joint
 from lightfield.studies.attenuation.ratios import FEWEST_DISTANCES, Ratios
 
 #: What the paper states attenuation over.
-METRE = 1.0
+_METRE = 1.0
 #: From so many errors below zero on a coefficient is no chance.
 SIGMAS = 3.0
 #: A ratio makes most of a misfit if so much of chi-square, at most, is left without it; so many are tried.
@@ -95,7 +95,7 @@ class Apparent:
         covariance = self.estimate.covariance(1)[np.ix_(mine, mine)]
         return float(self.K_per_m[mine].mean()), float(np.sqrt(covariance.sum()) / mine.sum())
 
-    def percent(self, distance_m: float = METRE) -> tuple[Array, Array]:
+    def percent(self, distance_m: float = _METRE) -> tuple[Array, Array]:
         """Part of the light lost over a distance and its standard error, shape (n_colours,), %."""
         left = np.exp(-self.K_per_m * distance_m)
         return 100 * (1 - left), 100 * left * distance_m * self.K_stderr

@@ -35,10 +35,10 @@ GREY = "scattering_per_m"
 EXTRA = {GREY: ("1/m", "grey scattering", 0.02, 0.05, 2.0)}
 #: Rise of chi-square at the ends of intervals of 68 % and 95 % (one parameter; Wilks 1938,
 #: doi:10.1214/aoms/1177732360).
-RISE_68, RISE_95 = 1.0, 3.841
+_RISE_68, _RISE_95 = 1.0, 3.841
 #: Slopes of CDOM that are tried, and how finely, 1/nm: from humic acids to the clearest ocean (0.008 to 0.03:
 #: Twardowski et al. 2004, doi:10.1016/j.marchem.2004.02.008).
-_SLOPE, SLOPES_PER_NM, _SLOPE_TO = "cdom_slope_per_nm", (0.008, 0.03), 1e-5
+_SLOPE, _SLOPES_PER_NM, _SLOPE_TO = "cdom_slope_per_nm", (0.008, 0.03), 1e-5
 #: Constituents need so many wavelengths: one more than there are of them.
 FEWEST_COLOURS = len(CONSTITUENTS) + 1
 #: First step of the search for an end of an interval, in standard errors; and its growth.
@@ -220,8 +220,8 @@ def other_slope(
         there = base.model_copy(update={_SLOPE: slope})
         return _fit(_left(stack, there, list(CONSTITUENTS), scattered)[1], start, scale, most).chi2
 
-    best = minimize_scalar(chi2, bounds=SLOPES_PER_NM, method="bounded", options={"xatol": _SLOPE_TO})
-    if found.chi2 - best.fun < RISE_95:
+    best = minimize_scalar(chi2, bounds=_SLOPES_PER_NM, method="bounded", options={"xatol": _SLOPE_TO})
+    if found.chi2 - best.fun < _RISE_95:
         return None
     return OtherSlope(base.cdom_slope_per_nm, float(best.x), float(best.fun), found.dof - 1)
 
@@ -315,8 +315,8 @@ def _profile(
                 return limit
             at, size = beyond, size * _GROWTH
 
-    low_68, high_68 = end(RISE_68, -1), end(RISE_68, 1)
-    low_95, high_95 = end(RISE_95, -1), end(RISE_95, 1)
+    low_68, high_68 = end(_RISE_68, -1), end(_RISE_68, 1)
+    low_95, high_95 = end(_RISE_95, -1), end(_RISE_95, 1)
     stderr = 0.5 * (high_68 - low_68) if low_68 > 0 else high_68 - value
     return Amount(name, unit, value, stderr, low_68, high_68, low_95, high_95)
 

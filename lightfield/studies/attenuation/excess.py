@@ -26,7 +26,7 @@ from lightfield.studies.light_at import Points, diffuse_response_at
 #: its own error (tests/physics/found/test_attenuation.py).
 NODES_A, NODES_B = 4, 9
 #: Light that is known worse than this is not followed: chosen, a fit would only follow the noise.
-MOST_ERROR = 0.2
+_MOST_ERROR = 0.2
 #: Modes of the trace's error smaller than this part of the largest are left out.
 _SMALL_MODE = 1e-3
 
@@ -111,11 +111,11 @@ def excess_light(
     light = response.light(first, [None])[0] + direct_field(first, *places)
     noise, smooth = response.errors(first, [None], np.zeros(count, int))
     modes = _modes(np.column_stack([noise, smooth]) / light[:, None])
-    if not (values > -1).all() or np.linalg.norm(modes, axis=1).max(initial=0.0) > MOST_ERROR:
+    if not (values > -1).all() or np.linalg.norm(modes, axis=1).max(initial=0.0) > _MOST_ERROR:
         raise RenderError(
             "the water is too dense for its scattered light to be followed so far",
             found=f"scattering up to {largest_b:.2g} per m, places up to {max(places[2]):g} m away",
-            rule=f"light known to {100 * MOST_ERROR:g} %",
+            rule=f"light known to {100 * _MOST_ERROR:g} %",
             remedy="ask for nearer places, or leave scattered light out",
         )
     values = np.log1p(values)

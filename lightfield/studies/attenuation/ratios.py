@@ -48,7 +48,7 @@ _OF_PLACES = ("x_m", "y_m", "z_m", "path_m", "place_stderr", "geometry")
 #: What `import` remarks of darks, in the head of its table.
 _DARK_DOUBTS = {Remarks.NO_DARK.value, Remarks.LIT_DARK.value}
 #: Entry of a table's head.
-PUBLISHED = "published_attenuation"
+_PUBLISHED = "published_attenuation"
 #: A slope needs so many distances.
 FEWEST_DISTANCES = 2
 #: What helps where readings are left out.
@@ -248,7 +248,7 @@ def _left_in(scene: Scene) -> list[str]:
 def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:
     """Bands and their attenuation in the table's head."""
     found = []
-    for row in readings.metadata.get(PUBLISHED, []):
+    for row in readings.metadata.get(_PUBLISHED, []):
         try:
             low, high, K = (float(v) for v in row)
         except (TypeError, ValueError):
@@ -256,7 +256,7 @@ def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:
         if not 0 < low < high < np.inf or not np.isfinite(K):
             raise MeasurementError(
                 "an attenuation that was published makes no sense", where=readings.source or None,
-                found=f"{PUBLISHED}: {row}", rule="[from nm, to nm, 1/m]", remedy="correct the head",
+                found=f"{_PUBLISHED}: {row}", rule="[from nm, to nm, 1/m]", remedy="correct the head",
             )  # fmt: skip
         found.append((low, high, K))
     return tuple(found)

@@ -24,10 +24,10 @@ from lightfield.studies.attenuation.valley import Valley, valley_of
 
 #: Scattering is looked for up to so many times the least apparent attenuation: kappa is 0.25 at least in what
 #: was traced (0.47 for a cosine receiver and g = 0.92, more behind a collimator).
-LARGEST_B = 4.0
+_LARGEST_B = 4.0
 #: Absorption and scattering are told apart where the error of b is at most this part of its range: what is
 #: not known of it beforehand then counts for 6 % of the estimate.
-MOST_ERROR_OF_B = 0.25
+_MOST_ERROR_OF_B = 0.25
 #: Where fits start: kappa of the first guess.
 _KAPPA = 0.5
 #: Gauss-Newton steps at most, and the change in 1/m at which they end.
@@ -36,7 +36,7 @@ _STEPS, _STILL = 30, 1e-7
 #: polynomials may be continued, as a factor.
 _RANGES, _AS_FAR = 5, 1.02
 #: Henyey-Greenstein phase functions between which waters lie, for what the choice of one is worth.
-OTHER_G = (0.87, 0.97)
+_OTHER_G = (0.87, 0.97)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def _stack_up_to(
     apparent: Sequence[Apparent], trace: DiffuseSource, least: float, most: float, g: float | None
 ) -> Stack:
     """The same for waters of which the clearest and the darkest would absorb so much, 1/m."""
-    largest_b, largest_a = LARGEST_B * max(least, 0.01), max(most, 0.01)
+    largest_b, largest_a = _LARGEST_B * max(least, 0.01), max(most, 0.01)
     typical = (0.5 * max(least, 0.01), max(least, 0.01))
     excess = []
     for one in apparent:
@@ -137,7 +137,7 @@ def other_phases(apparent: Sequence[Apparent], trace: DiffuseSource) -> dict[flo
     """The same light for other phase functions of the family, by g; none where the scene's has no g."""
     if apparent[0].ratios.scene.water.phase.type != "henyey-greenstein":
         return {}
-    return {g: traced_stack(apparent, trace, g) for g in OTHER_G}
+    return {g: traced_stack(apparent, trace, g) for g in _OTHER_G}
 
 
 def scattered_light(
@@ -201,7 +201,7 @@ def _fitted(
     """
     K = np.min([one.K_per_m for one in apparent], axis=0)
     b = np.minimum(0.5 * np.maximum(K, 0) / _KAPPA, 0.5 * stack.excess[0].largest_b)
-    most = MOST_ERROR_OF_B * stack.excess[0].largest_b
+    most = _MOST_ERROR_OF_B * stack.excess[0].largest_b
     told, free = valley.b_stderr <= most, np.zeros(len(b), bool)
     estimate, a, b = _absorption(stack, *valley.start(b, told), free)
     while True:

@@ -21,11 +21,11 @@ from lightfield.studies.attenuation.study import (
 from lightfield.wording import capital, minus
 
 #: So many colours are printed, in a terminal and on a page; the data hold all.
-SHOWN = 20
+_SHOWN = 20
 #: Readings that part from the scene's water by more of their errors show another.
-OTHER_WATER_SIGMA = 4.0
+_OTHER_WATER_SIGMA = 4.0
 #: An amount that is off by more of its stated errors than this is named.
-NOTEWORTHY_SIGMA = 2.0
+_NOTEWORTHY_SIGMA = 2.0
 
 
 def as_text(found: Attenuation) -> str:
@@ -89,7 +89,7 @@ def table_rows(one: Apparent) -> list[list[str]]:
             f"{one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}",
             *(f"{p[k]:.1f} ± {max(e[k], 0.1):.1f} %" for p, e in columns),
         ]
-        for k in evenly(len(one.K_per_m), SHOWN)
+        for k in evenly(len(one.K_per_m), _SHOWN)
     ]
 
 
@@ -170,7 +170,7 @@ def scene_sentences(found: Attenuation) -> list[str]:
         return []
     one, expected = found.apparent[0], found.scattered.expected
     off = (one.K_per_m - expected) / one.K_stderr
-    if np.abs(off).max() < OTHER_WATER_SIGMA:
+    if np.abs(off).max() < _OTHER_WATER_SIGMA:
         return []
     k, least, stated = int(np.argmax(np.abs(off))), int(np.argmin(one.K_per_m)), int(np.argmin(expected))
     nm = one.ratios.wavelength_nm
@@ -253,7 +253,7 @@ def content_sentences(found: Content) -> list[str]:
         )
     lines += _slope_sentences(found)
     lines += _not_told_apart(found)
-    off = {k: v for k, v in beer_lambert_is_off(found).items() if abs(v[1]) > NOTEWORTHY_SIGMA}
+    off = {k: v for k, v in beer_lambert_is_off(found).items() if abs(v[1]) > _NOTEWORTHY_SIGMA}
     if off:
         words = [
             f"{traced.amounts[name].name} {abs(100 * relative):.0f} % {'low' if relative < 0 else 'high'}, "

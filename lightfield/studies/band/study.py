@@ -45,7 +45,7 @@ CRITERIA = {
 }
 #: Steps of bands, of the light that arrives (as tables of water have), and of what the lamp gives and the
 #: detector sees, nm.
-STEP_NM, _LIGHT_NM, _FINE_NM = 5.0, 2.5, 0.25
+_STEP_NM, _LIGHT_NM, _FINE_NM = 5.0, 2.5, 0.25
 #: Attenuation is the slope over this part of a distance to either side.
 _SLOPE = 0.1
 #: Clearest water's attenuation times this is "flat".
@@ -208,11 +208,11 @@ def best_band(
         raise UsageError(
             "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"
         )
-    if not (0 < low_nm < high_nm < np.inf and STEP_NM <= width_nm <= high_nm - low_nm):
+    if not (0 < low_nm < high_nm < np.inf and _STEP_NM <= width_nm <= high_nm - low_nm):
         raise UsageError(
             "impossible bands", where="width and range of the bands",
             found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
-            rule=f"at least {STEP_NM:g} nm wide, and no wider than the range they lie in",
+            rule=f"at least {_STEP_NM:g} nm wide, and no wider than the range they lie in",
             remedy="change the width, or the range",
         )  # fmt: skip
     first, last = min(low_nm, PAPER_BAND[0]), max(high_nm, PAPER_BAND[1])
@@ -229,7 +229,7 @@ def best_band(
         given = axial_intensity(scene.lamp, wavelength_nm)
         return np.asarray(given * responsivity(response, scene.detector, wavelength_nm))
 
-    lows = np.arange(low_nm, high_nm - width_nm, STEP_NM)
+    lows = np.arange(low_nm, high_nm - width_nm, _STEP_NM)
     lows = np.concatenate([lows, [high_nm - width_nm, PAPER_BAND[0]]])
     highs = np.append(lows[:-1] + width_nm, PAPER_BAND[1])
     fine = np.concatenate([np.arange(first, last, _FINE_NM), knots_nm(scene.lamp), at, lows, highs])

@@ -12,7 +12,7 @@ from lightfield.studies.band.study import CRITERIA, FLAT, PAPER_BAND, Bands, Bes
 from lightfield.wording import capital
 
 #: A share of an attenuation that is none.
-UNTOLD = "no share to tell"
+_UNTOLD = "no share to tell"
 
 
 def as_text(found: Bands) -> str:
@@ -72,7 +72,7 @@ def untold_sentences(found: Bands) -> list[str]:
     if found.is_grey or not any(np.isnan(b.paper_share) for b in found.best):
         return []
     return [
-        f"{capital(UNTOLD)}: where it is least, attenuation is above 0 by no more than its "
+        f"{capital(_UNTOLD)}: where it is least, attenuation is above 0 by no more than its "
         "error (walls send back what the water takes, or too few photons tell)."
     ]
 
@@ -94,7 +94,7 @@ def rows(found: Bands) -> list[list[str]]:
 def _share(best: BestBand) -> str:
     """In per cent, with its error where light was traced; an attenuation over the least."""
     if not np.isfinite(best.paper_share):
-        return UNTOLD
+        return _UNTOLD
     error = f" ± {max(100 * best.paper_share_stderr, 0.1):.1f}" if best.paper_share_stderr > 0 else ""
     if best.criterion == "attenuation":
         return f"{1 / best.paper_share:.3g} times as much"

@@ -14,7 +14,7 @@ from lightfield.formula.cells import axis_cells, pitch_m
 ERROR_LEVELS = (0.05, 0.10)
 SIGMAS = 3.0
 #: What is within a level is known to it by so many Monte Carlo standard errors.
-KNOWN_SIGMAS = 2.0
+_KNOWN_SIGMAS = 2.0
 #: Part of a cell that is rounding.
 _ROUNDING = 1e-9
 #: How an error compares with a level.
@@ -87,7 +87,7 @@ def standing(render: Array, stderr: Array, formula: Array, level: float) -> Arra
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         off, error = np.abs(formula - render) / render, stderr / render
-    known = (off <= level) & (KNOWN_SIGMAS * error <= level)
+    known = (off <= level) & (_KNOWN_SIGMAS * error <= level)
     beyond = excess(render, stderr, formula) > level
     return np.where(beyond, BEYOND, np.where(known, WITHIN, OPEN))
 

@@ -27,7 +27,7 @@ LAMP_TILTS = {"lamp tilt x": "x", "lamp tilt y": "y"}
 #: degrees, so the relative error of a central difference is about (step / length)^2 = 1e-6.
 STEP = 1e-4
 #: Relative step of the water's coefficients: their derivatives are smooth.
-WATER_STEP = 1e-2
+_WATER_STEP = 1e-2
 #: An element that reads less than this part of the brightest tells nothing (rounding of derivatives).
 DARK = 1e-9
 #: Room around the formation space in which a search may look, m (chosen).
@@ -284,11 +284,11 @@ class ArrayModel:
             path, (now,) = f"water.{name}_per_m", coefficient(scene.water, at)
             more, less = (
                 self.light.in_water_of(
-                    scene.with_values({path: scene.get(path) + sign * WATER_STEP * now}, validate=False)
+                    scene.with_values({path: scene.get(path) + sign * _WATER_STEP * now}, validate=False)
                 )
                 for sign in (1, -1)
             )
-            found[name] = _Around(replace(self, light=more), replace(self, light=less), None, 2 * WATER_STEP)
+            found[name] = _Around(replace(self, light=more), replace(self, light=less), None, 2 * _WATER_STEP)
         return found
 
 

@@ -13,7 +13,7 @@ from lightfield.scene.bands import first_band_w_per_sr
 from lightfield.studies import photocurrent
 
 #: Part of a percent, of a second of bandwidth (Nyquist), of a converter's step (its variance, Bennett 1948).
-PERCENT, BANDWIDTH, STEP_VARIANCE = 0.01, 0.5, 1 / 12
+PERCENT, _BANDWIDTH, _STEP_VARIANCE = 0.01, 0.5, 1 / 12
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,9 @@ class SensorNoise:
         top = light.max(axis=-1, keepdims=True) if brightest is None else np.asarray(brightest)
         total = (self.mismatch * light) ** 2 + (self.brightest * top) ** 2
         if self.ampere > 0:
-            current, bandwidth = self.ampere * light, BANDWIDTH * self.sample_hz
+            current, bandwidth = self.ampere * light, _BANDWIDTH * self.sample_hz
             electric = photocurrent.variance(current, self.dark_a, self.amplifier, bandwidth)
             total = total + electric / self.ampere**2
         if self.bits:
-            total = total + STEP_VARIANCE * (top / 2.0**self.bits) ** 2
+            total = total + _STEP_VARIANCE * (top / 2.0**self.bits) ** 2
         return total

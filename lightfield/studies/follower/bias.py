@@ -36,7 +36,7 @@ from lightfield.studies.light_at import refuse_dark
 from lightfield.studies.one_number import refuse_several
 
 #: Places of a map across and along the formation space.
-ACROSS, ALONG = 5, 5
+_ACROSS, _ALONG = 5, 5
 #: An array that takes itself to be turned by less is as good as straight, deg.
 _WORTH_A_WORD_DEG = 0.5
 
@@ -172,11 +172,11 @@ def bias_study(
         light.in_water_of(scene.with_values({"water.scattering_per_m": float(b)})) for b in scattering_per_m
     ]
     on_beam = np.array([_beliefs(one, elements, poses, names, noise, space) for one in waters])
-    x = np.linspace(-space.half_width_m, space.half_width_m, ACROSS)
-    along = np.linspace(space.near_m, space.far_m, ALONG)
+    x = np.linspace(-space.half_width_m, space.half_width_m, _ACROSS)
+    along = np.linspace(space.near_m, space.far_m, _ALONG)
     places = np.array([[u, 0, v, 0, 0, 0.0] for v in along for u in x])
     own = _beliefs(light.in_water_of(scene), elements, places, names, noise, space)
-    shape = (len(CALIBRATIONS), ALONG, ACROSS)
+    shape = (len(CALIBRATIONS), _ALONG, _ACROSS)
     coords = {"calibration": list(CALIBRATIONS)}
     return BiasStudy(
         scene,

@@ -13,7 +13,7 @@ from lightfield.storage.tables import read_rows
 
 #: Angle, rad, between neighbours of a spiral that fills a sphere evenly: pi (3 - sqrt 5) (Gonzalez 2010,
 #: Math. Geosci. 42, 49, doi:10.1007/s11004-009-9257-x).
-GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5.0))
+_GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5.0))
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def on_sphere(flat: Elements, radius_m: float) -> Elements:
 def _hemisphere(n: int, radius_m: float) -> Elements:
     """Elements that share a half sphere evenly, on a spiral."""
     forward = 1 - (np.arange(n) + 0.5) / n
-    turn = GOLDEN_ANGLE * np.arange(n)
+    turn = _GOLDEN_ANGLE * np.arange(n)
     across = np.sqrt(1 - forward**2)
     normal = np.stack([across * np.cos(turn), across * np.sin(turn), -forward], axis=1)
     return Elements(radius_m * (normal + np.array([0.0, 0.0, 1.0])), normal)

@@ -27,7 +27,7 @@ from lightfield.studies.follower.frames import POSE, in_degrees, printed, with_u
 TASK_UNITS = dict(zip(POSE, (0.01, 0.01, 0.1, *np.radians([1.0, 1.0, 1.0])), strict=True))
 #: Smallest eigenvalue of an information matrix of unit diagonal that is not rounding of its derivatives
 #: (1e-6).
-LEAST_EIGENVALUE = 1e-11
+_LEAST_EIGENVALUE = 1e-11
 #: Information of a coordinate that is none: known to 100 m, 100 rad, or a factor of e^100 (rounding leaves
 #: more than 0).
 LEAST_INFORMATION = 1e-4
@@ -283,10 +283,10 @@ def inverse(information: Array) -> Array:
     told = np.diag(information) > LEAST_INFORMATION
     size = np.sqrt(np.where(told, np.diag(information), 1.0))
     values, vectors = eigen(information * np.outer(told, told) / np.outer(size, size))
-    known = values > LEAST_EIGENVALUE
+    known = values > _LEAST_EIGENVALUE
     covariance = (vectors[:, known] / values[known]) @ vectors[:, known].T / np.outer(size, size)
     # What has a part in a direction that the readings do not tell is itself unknown.
-    lost = (vectors[:, ~known] ** 2).sum(axis=1) > LEAST_EIGENVALUE
+    lost = (vectors[:, ~known] ** 2).sum(axis=1) > _LEAST_EIGENVALUE
     covariance[lost, :] = covariance[:, lost] = 0.0
     covariance[lost, lost] = np.inf
     return covariance

@@ -21,10 +21,10 @@ from lightfield.studies.follower.array_light import DARK, LAMP_TILTS, MARGIN_M, 
 from lightfield.studies.follower.frames import POSE, wrapped
 
 #: Damping at the start, and its change after a step that helps or does not (Marquardt 1963).
-DAMPING, EASED, STIFFENED = 1e-3, 0.2, 8.0
+_DAMPING, _EASED, _STIFFENED = 1e-3, 0.2, 8.0
 #: A search ends when a step gains less than this of chi2, in sigma^2, or is as stiff as this.
-LITTLE, STIFFEST = 1e-6, 1e10
-MOST_STEPS = 60
+_LITTLE, _STIFFEST = 1e-6, 1e10
+_MOST_STEPS = 60
 #: Largest change in one step of the logarithm of the gain, or of what else is not known (chosen).
 LONGEST_STEP = 0.5
 #: A search of so few steps begins near its end: slopes by the pose in the water that is believed in lead it.
@@ -171,7 +171,7 @@ def find_minima(
     *,
     nuisances: Mapping[str, float] | Beforehand | None = None,
     box: tuple[Array, Array] | None = None,
-    most_steps: int = MOST_STEPS,
+    most_steps: int = _MOST_STEPS,
 ) -> Minima:
     """Poses that explain readings, from every start, in their order.
 
@@ -204,7 +204,7 @@ def find_minima(
 
     going = np.ones(len(poses), bool)
     r, read, by = residual(poses, unknown, going)
-    chi2, damping = (r**2).sum(axis=1), np.full(len(poses), DAMPING)
+    chi2, damping = (r**2).sum(axis=1), np.full(len(poses), _DAMPING)
     slopes = np.zeros((len(poses), wide[1] + count, len(at) + count))
     slopes[:, wide[1] :, len(at) :] = root
     stale, few = going.copy(), most_steps <= FEW_STEPS
@@ -245,8 +245,8 @@ def find_minima(
         read[up], by[up] = new_read[better], new_by[better]
         stale[:] = False
         stale[up] = True
-        damping[index] = np.where(better, damping[index] * EASED, damping[index] * STIFFENED)
-        ended = (better & (gained < LITTLE * np.maximum(1.0, new))) | (damping[index] > STIFFEST)
+        damping[index] = np.where(better, damping[index] * _EASED, damping[index] * _STIFFENED)
+        ended = (better & (gained < _LITTLE * np.maximum(1.0, new))) | (damping[index] > _STIFFEST)
         going[index[ended]] = False
         if not going.any():
             break

@@ -17,8 +17,8 @@ from lightfield.studies.follower.pose_search import Minima, find_minima, starts_
 #: Rivals are nearer than this many sigma (the word of a diagnosis: what noise alone can make alike).
 NEAR_SIGMA = 5.0
 #: Poses closer than this, m and rad, are the same minimum (chosen: three task units and more).
-APART = np.array([0.03, 0.03, 0.15, 0.05, 0.05, 0.05])
-STARTS = 40
+_APART = np.array([0.03, 0.03, 0.15, 0.05, 0.05, 0.05])
+_STARTS = 40
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,9 @@ def rivals(
     nuisances: Mapping[str, float] | None = None,
     seed: int = 0,
 ) -> list[RivalPose]:
-    """Other minima of the noise-free cost, nearest first, none closer to each other than `APART`."""
+    """Other minima of the noise-free cost, nearest first, none closer to each other than `_APART`."""
     readings = model.readings(pose[None])[0]
-    begin = starts_in(box, names, STARTS, seed, float(pose[POSE.index("roll")]))
+    begin = starts_in(box, names, _STARTS, seed, float(pose[POSE.index("roll")]))
     found = find_minima(
         model, readings, noise.variance(readings), names, begin, nuisances=nuisances, box=box
     ).best_first()
@@ -83,7 +83,7 @@ def nearest_alike(found: Minima, last: Array | None, sigma: float) -> int:
     for k in np.flatnonzero(found.chi2 < found.chi2[0] + sigma**2).tolist():
         if all(apart(found.poses[k], found.poses[j]) for j in alike):
             alike.append(k)
-    far = [(_difference(found.poses[k], last) / APART) ** 2 for k in alike]
+    far = [(_difference(found.poses[k], last) / _APART) ** 2 for k in alike]
     return alike[int(np.argmin(np.sum(far, axis=1)))]
 
 
@@ -98,7 +98,7 @@ def distinct(poses: Array) -> Array:
 
 def apart(one: Array, other: Array) -> bool:
     """Whether two poses are different minima."""
-    return bool((np.abs(_difference(one, other)) > APART).any())
+    return bool((np.abs(_difference(one, other)) > _APART).any())
 
 
 def _difference(one: Array, other: Array) -> Array:

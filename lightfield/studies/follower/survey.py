@@ -27,7 +27,7 @@ from lightfield.studies.follower.pose_search import box_of
 from lightfield.studies.follower.rival_poses import RivalPose, rivals
 
 #: Places across and along the formation space of a map.
-ACROSS, ALONG = 9, 9
+_ACROSS, _ALONG = 9, 9
 #: What docking asks for: 0.1 m and 5 degrees (Eren 2015, thesis, University of New Hampshire); 0.3 m along
 #: the beam.
 DOCKING = dict(zip(POSE, (0.1, 0.1, 0.3, *np.radians([5.0, 5.0, 5.0])), strict=True))
@@ -187,9 +187,9 @@ def bound_map(
     model: ArrayModel, space: Space, names: tuple[str, ...], noise: SensorNoise, nuisances: dict[str, float]
 ) -> xr.Dataset:
     """Bounds over the horizontal plane of the axis, the follower facing along the tank."""
-    x = np.linspace(-space.half_width_m, space.half_width_m, ACROSS)
-    z = np.linspace(space.near_m, space.far_m, ALONG)
-    values = np.empty((len(names) + 1, ALONG, ACROSS))
+    x = np.linspace(-space.half_width_m, space.half_width_m, _ACROSS)
+    z = np.linspace(space.near_m, space.far_m, _ALONG)
+    values = np.empty((len(names) + 1, _ALONG, _ACROSS))
     for i, along in enumerate(z):
         for j, across in enumerate(x):
             one = bound(model, np.array([across, 0, along, 0, 0, 0.0]), names, noise, nuisances)

@@ -22,17 +22,17 @@ FREQUENCY, DAMPING = np.array([0.8, 0.8, 0.8, 1.6]), 0.9
 #: Part of the proportional gain that is integrated in a second (chosen: a current is out in half a minute).
 INTEGRATED_PER_S = 0.06
 #: Largest integral of an error, m s and rad s: what a long absence of light must not wind up (chosen).
-MOST_INTEGRATED = 3.0
+_MOST_INTEGRATED = 3.0
 #: Slope of the sliding surface, 1/s, its reaching acceleration, m/s^2 and rad/s^2, and the boundary layer,
 #: m/s and rad/s, within which it does not chatter (Slotine & Li 1991, Applied Nonlinear Control, section 7.2;
 #: numbers chosen).
-SLOPE, REACHING, LAYER = 0.5, np.array([0.5, 0.5, 0.5, 3.0]), 0.2
+_SLOPE, _REACHING, _LAYER = 0.5, np.array([0.5, 0.5, 0.5, 3.0]), 0.2
 #: Errors, velocities, integrals and accelerations that LQR weighs alike (Bryson & Ho 1975, section 5.2;
 #: numbers chosen).
-ALIKE, ALIKE_RATE, ALIKE_INTEGRAL = 0.1, 0.2, 1.0
+_ALIKE, _ALIKE_RATE, _ALIKE_INTEGRAL = 0.1, 0.2, 1.0
 ALIKE_PUSH = np.array([0.1, 0.1, 0.1, 1.0])
 #: Speed, m/s and rad/s, at which drag is taken as linear (chosen: typical of station keeping).
-LINEAR_AT = 0.1
+_LINEAR_AT = 0.1
 
 
 class Law(Protocol):
@@ -51,7 +51,7 @@ class Pid:
 
     def force(self, error: Array, velocity: Array, seconds: float, lit: Mask) -> Array:
         grown = self._sum + error * seconds * lit[:, None]
-        self._sum = np.clip(grown, -MOST_INTEGRATED, MOST_INTEGRATED)
+        self._sum = np.clip(grown, -_MOST_INTEGRATED, _MOST_INTEGRATED)
         stiff = FREQUENCY**2
         pull = stiff * (error + INTEGRATED_PER_S * self._sum) - 2 * DAMPING * FREQUENCY * velocity
         return np.asarray(self.inertia * pull)
@@ -66,10 +66,10 @@ class SlidingMode:
     quadratic: Array
 
     def force(self, error: Array, velocity: Array, seconds: float, lit: Mask) -> Array:
-        surface = SLOPE * error - velocity
-        equivalent = -SLOPE * self.inertia * velocity
+        surface = _SLOPE * error - velocity
+        equivalent = -_SLOPE * self.inertia * velocity
         drag = (self.linear + self.quadratic * np.abs(velocity)) * velocity
-        return np.asarray(equivalent + drag + self.inertia * REACHING * np.clip(surface / LAYER, -1.0, 1.0))
+        return np.asarray(equivalent + drag + self.inertia * _REACHING * np.clip(surface / _LAYER, -1.0, 1.0))
 
 
 @dataclass
@@ -81,7 +81,7 @@ class Lqr:
 
     def force(self, error: Array, velocity: Array, seconds: float, lit: Mask) -> Array:
         grown = self._sum + error * seconds * lit[:, None]
-        self._sum = np.clip(grown, -MOST_INTEGRATED, MOST_INTEGRATED)
+        self._sum = np.clip(grown, -_MOST_INTEGRATED, _MOST_INTEGRATED)
         by_sum, by_error, by_rate = self.gains.T
         return np.asarray(by_sum * self._sum + by_error * error - by_rate * velocity)
 
@@ -94,7 +94,7 @@ def axis_model(inertia: float, drag: float) -> tuple[Array, Array]:
 
 def lqr_weights(inertia: float, push: float) -> tuple[Array, Array]:
     """Q and R of one axis, whose `push` is an acceleration, m/s^2 or rad/s^2."""
-    alike = np.array([ALIKE_INTEGRAL, ALIKE, ALIKE_RATE])
+    alike = np.array([_ALIKE_INTEGRAL, _ALIKE, _ALIKE_RATE])
     return np.diag(alike**-2.0), np.array([[(inertia * push) ** -2.0]])
 
 
@@ -113,5 +113,5 @@ def law_of(name: str, vehicle: Vehicle) -> Law:
         return Pid(inertia)
     if name == "sliding":
         return SlidingMode(inertia, linear, quadratic)
-    drag = linear + quadratic * LINEAR_AT
+    drag = linear + quadratic * _LINEAR_AT
     return Lqr(np.array([_lqr_gains(m, d, p) for m, d, p in zip(inertia, drag, ALIKE_PUSH, strict=True)]))

@@ -14,15 +14,15 @@ from lightfield.storage.tables import read_rows
 
 #: Sway, heave and surge of a leader under way: amplitudes, m, and periods, s (chosen: slower than the
 #: vehicle).
-AMPLITUDE_M, PERIOD_S = np.array([0.3, 0.15, 0.2]), np.array([40.0, 55.0, 60.0])
+_AMPLITUDE_M, _PERIOD_S = np.array([0.3, 0.15, 0.2]), np.array([40.0, 55.0, 60.0])
 #: A lawnmower: width of a lane, m, advance to the next, m, and speed, m/s (chosen: a survey in a tow tank).
-LANE_M, ADVANCE_M, SPEED_M_PER_S = 1.2, 0.4, 0.05
+_LANE_M, _ADVANCE_M, _SPEED_M_PER_S = 1.2, 0.4, 0.05
 
 
 def way_of(mission: Mission) -> Callable[[float], Array]:
     """Place of the lamp, m, shape (3,), as a function of the time, s; zero at the beginning."""
     if mission.leader == "sway":
-        return lambda t: AMPLITUDE_M * np.sin(2 * np.pi * t / PERIOD_S)
+        return lambda t: _AMPLITUDE_M * np.sin(2 * np.pi * t / _PERIOD_S)
     if mission.leader == "lawnmower":
         return _along(*_lawnmower(mission.duration_s))
     if mission.leader == "table":
@@ -67,14 +67,14 @@ def _lawnmower(duration_s: float) -> tuple[Array, Array]:
     """Times and places of its corners: lanes across, and forward from one to the next."""
     corners, side = [np.zeros(3)], 1.0
     length = 0.0
-    while length < SPEED_M_PER_S * duration_s:
-        for move in ((side * LANE_M if len(corners) > 1 else 0.5 * LANE_M, 0.0), (0.0, -ADVANCE_M)):
+    while length < _SPEED_M_PER_S * duration_s:
+        for move in ((side * _LANE_M if len(corners) > 1 else 0.5 * _LANE_M, 0.0), (0.0, -_ADVANCE_M)):
             corners.append(corners[-1] + np.array([move[0], 0.0, move[1]]))
             length += abs(move[0]) + abs(move[1])
         side = -side
     way = np.array(corners)
     lengths = np.linalg.norm(np.diff(way, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(lengths)]) / SPEED_M_PER_S, way
+    return np.concatenate([[0.0], np.cumsum(lengths)]) / _SPEED_M_PER_S, way
 
 
 def _along(time_s: Array, places: Array) -> Callable[[float], Array]:

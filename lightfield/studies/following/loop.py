@@ -30,20 +30,20 @@ from lightfield.studies.following.truth_and_belief import Truth, belief_of, spac
 from lightfield.studies.following.vehicle import STEERED, VEHICLES, Vehicle
 
 #: Longest step of the vehicle, s (Fossen's simulators use the same).
-STEP_S = 0.02
+_STEP_S = 0.02
 #: A follower that docks goes on where it takes itself to be this near the axis, m, and its heading, rad, this
 #: straight (half of what a dock takes, see `CONE`).
-READY_M, READY_RAD = 0.05, np.radians(2.5)
+_READY_M, _READY_RAD = 0.05, np.radians(2.5)
 #: A dock takes a vehicle so near its axis, m, so straight, rad, so slow, m/s (Eren 2015, thesis,
 #: University of New Hampshire).
 CONE = (DOCKING["x"], DOCKING["yaw"], 0.1)
 #: Largest error, m, that a law is shown along an axis: none hurries (chosen: 0.2 m/s under PID).
-LONGEST_ERROR_M = 0.5
+_LONGEST_ERROR_M = 0.5
 #: How far behind the dock's mouth a follower aims, m: it has docked when it is stopped there (chosen).
-THROUGH_M = 0.15
+_THROUGH_M = 0.15
 #: Axes of the pose in the order of `Vehicle`: places north, east, down; roll, pitch, yaw.
-NORTH = AXES["vehicle"]
-ANGLES = (5, 4, 3)
+_NORTH = AXES["vehicle"]
+_ANGLES = (5, 4, 3)
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     vehicle = whole if mission.degrees_of_freedom == 6 else replace(whole, free=STEERED)
     pilot = _Pilot(mission, law_of(mission.law, vehicle), vehicle, runs)
     seconds = 1 / array.sample_hz
-    steps = int(np.ceil(seconds / STEP_S))
+    steps = int(np.ceil(seconds / _STEP_S))
     way, count = way_of(mission), int(np.floor(mission.duration_s * array.sample_hz)) + 1
     state = _Moving.at(pose_of(follower), runs)
     kept: dict[str, list[Array]] = {one.name: [] for one in fields(Track)}
@@ -175,12 +175,12 @@ class _Moving:
 
     @classmethod
     def at(cls, pose: Array, runs: int) -> _Moving:
-        place = np.concatenate([NORTH @ pose[:3], pose[list(ANGLES)]])
+        place = np.concatenate([_NORTH @ pose[:3], pose[list(_ANGLES)]])
         return cls(np.tile(place, (runs, 1)), np.zeros((runs, 6)))
 
     def pose(self, lamp: Array) -> Array:
         """From a lamp, shape (runs, 6); a vehicle that has spun is turned as one that has not."""
-        return np.concatenate([self.place[:, :3] @ NORTH - lamp, wrapped(self.place[:, ANGLES])], axis=1)
+        return np.concatenate([self.place[:, :3] @ _NORTH - lamp, wrapped(self.place[:, _ANGLES])], axis=1)
 
     def step(self, vehicle: Vehicle, force: Array, current: Array, seconds: float, going: Mask) -> None:
         full = np.zeros((len(force), 6))
@@ -206,16 +206,16 @@ class _Pilot:
     def force(self, pose: Array, rate: Array, seconds: float, lit: Mask) -> Array:
         """Shape (runs, 4)."""
         if self.mission.task == "dock":
-            ahead = np.hypot(pose[:, 0], pose[:, 1]) < READY_M
-            ready = lit & ahead & (np.abs(pose[:, 3]) < READY_RAD)
+            ahead = np.hypot(pose[:, 0], pose[:, 1]) < _READY_M
+            ready = lit & ahead & (np.abs(pose[:, 3]) < _READY_RAD)
             nearer = self.goal - seconds * self.mission.approach_m_per_s
-            self.goal = np.where(ready, np.maximum(nearer, self.mission.dock_m - THROUGH_M), self.goal)
+            self.goal = np.where(ready, np.maximum(nearer, self.mission.dock_m - _THROUGH_M), self.goal)
         goal = np.zeros((self.runs, 3))
         goal[:, 2] = self.goal
         # In the vehicle's axes: forward, starboard, down.
-        turn = np.einsum("ij,skj->sik", NORTH, rotations(pose[:, 3:]))
+        turn = np.einsum("ij,skj->sik", _NORTH, rotations(pose[:, 3:]))
         error = np.einsum("sij,sj->si", turn, goal - pose[:, :3])
-        error = np.clip(error, -LONGEST_ERROR_M, LONGEST_ERROR_M)
+        error = np.clip(error, -_LONGEST_ERROR_M, _LONGEST_ERROR_M)
         speed = np.einsum("sij,sj->si", turn, rate[:, :3])
         error = np.concatenate([error, -pose[:, 3:4]], axis=1)
         velocity = np.concatenate([speed, rate[:, 3:4]], axis=1)
@@ -229,7 +229,7 @@ def _current(mission: Mission, time_s: float) -> Array:
     if time_s < mission.current_from_s:
         return np.zeros(3)
     of_tank = [mission.current_x_m_per_s, mission.current_y_m_per_s, mission.current_z_m_per_s]
-    return np.asarray(NORTH @ np.array(of_tank))
+    return np.asarray(_NORTH @ np.array(of_tank))
 
 
 def _inside(space: Space, pose: Array) -> Mask:

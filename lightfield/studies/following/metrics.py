@@ -12,16 +12,16 @@ from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.following.loop import CONE, Track
 
 #: Part of a run after which it counts as settled (chosen; a third, as the leader then has turned once).
-SETTLED = 1 / 3
+_SETTLED = 1 / 3
 #: Length of the end of a run, s.
-END_S = 10.0
+_END_S = 10.0
 #: A vehicle has found back where it is this near to where it should be, m: across, and along the beam (what
 #: docking asks for).
-BACK_M = np.array([DOCKING["x"], DOCKING["z"]])
+_BACK_M = np.array([DOCKING["x"], DOCKING["z"]])
 #: Name, unit and meaning of every metric.
 METRICS: dict[str, tuple[str, str]] = {
     "standoff": ("m", "distance from the lamp along the beam, after the first third"),
-    "standoff_at_end": ("m", f"the same in the last {END_S:g} s"),
+    "standoff_at_end": ("m", f"the same in the last {_END_S:g} s"),
     "standoff_rms": ("m", "root mean square of distance kept less distance asked for, after the first third"),
     "across_rms": ("m", "root mean square of the distance from the axis, after the first third"),
     "yaw_rms": ("deg", "root mean square of the turn away from the lamp, after the first third"),
@@ -87,7 +87,7 @@ def metrics_of(track: Track, mission: Mission) -> dict[str, Array]:
     """Every metric that a task has, shape (runs,) each."""
     time, pose = track.time_s, track.pose
     step = float(time[1] - time[0]) if len(time) > 1 else 0.0
-    late, end = time >= SETTLED * time[-1], time >= time[-1] - END_S
+    late, end = time >= _SETTLED * time[-1], time >= time[-1] - _END_S
     z, across = pose[..., 2], np.hypot(pose[..., 0], pose[..., 1])
     missed = track.estimate[..., 2] - z
     beyond = _overshoot((z - track.goal_m)[~late])
@@ -148,7 +148,7 @@ def _back_after(track: Track, since_s: float) -> Array:
     after = track.time_s >= since_s
     across = np.hypot(track.pose[after, :, 0], track.pose[after, :, 1])
     along = np.abs(track.pose[after, :, 2] - track.goal_m[after])
-    away = (across > BACK_M[0]) | (along > BACK_M[1])
+    away = (across > _BACK_M[0]) | (along > _BACK_M[1])
     time = track.time_s[after] - since_s
     found = np.full(track.pose.shape[1], np.nan)
     for k in range(len(found)):

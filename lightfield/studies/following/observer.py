@@ -26,7 +26,7 @@ from lightfield.studies.follower.rival_poses import NEAR_SIGMA
 
 #: Steps of the search from where the filter expects the pose, and from anywhere: three from a tenth of a
 #: second before are as good as six (scatter of the estimates the same to 1 %).
-STEPS, STEPS_FROM_AFAR = FEW_STEPS, 60
+_STEPS, _STEPS_FROM_AFAR = FEW_STEPS, 60
 
 
 class Observer:
@@ -55,14 +55,14 @@ class Observer:
         self.light = WithUnknowns(model, tuple(names), gain_first(sought))
         self.noise, self.box = noise, box_of(space)
         self._free = max(len(model.elements) - len(names), 1)
-        self._sigmas = np.minimum([float(unknown[name]) for name in self.light.unknowns], FREE)
+        self._sigmas = np.minimum([float(unknown[name]) for name in self.light.unknowns], _FREE)
         # A lamp that points elsewhere and a follower that stands elsewhere are alike but for second orders,
         # of which a filter would learn what is not so (Julier and Uhlmann 2001, ICRA, 4238).
         self._tilts = {name: float(sigma) for name, sigma in unknown.items() if name in LAMP_TILTS}
         self._learns = learns
         considered = len(model.elements) + len(self._tilts)
         known = self._sigmas.tolist() if learns else ()
-        self.filter = Filter(names, count, known, considered, patience=PATIENCE)
+        self.filter = Filter(names, count, known, considered, patience=_PATIENCE)
         self._calm = Calm(count)
         self._starts = Estimator(model, noise, self.light.names, {}, space).starts()
         self.lit: Mask = np.zeros(count, bool)
@@ -113,7 +113,7 @@ class Observer:
         unknown = mean.copy()
         expected = np.clip(poses, *self.box)
         familiar, strange = np.flatnonzero(self.lit & ~anew), np.flatnonzero(self.lit & anew)
-        for which, more, steps in ((familiar, 0, STEPS), (strange, len(self._starts), STEPS_FROM_AFAR)):
+        for which, more, steps in ((familiar, 0, _STEPS), (strange, len(self._starts), _STEPS_FROM_AFAR)):
             if not len(which):
                 continue
             others = np.broadcast_to(self._starts[:more], (len(which), more, len(POSE)))
@@ -164,13 +164,13 @@ class Observer:
         slopes = self.light.slopes(poses, unknown, read, by) / np.sqrt(variance)[:, :, None]
         information = np.swapaxes(slopes, 1, 2) @ slopes
         # Where they are learned a hint is enough to part those that act alike, as a and b in straight light.
-        told = (HINT if self._learns else 1.0) * self._sigmas**-2.0
+        told = (_HINT if self._learns else 1.0) * self._sigmas**-2.0
         information += np.diag(np.concatenate([np.zeros(len(self.light.names)), told]))
         own = np.einsum("sii->si", information)
         scale = 1 / np.sqrt(np.maximum(own, LEAST_INFORMATION))
         scaled = information * scale[:, :, None] * scale[:, None, :]
         certain = (own[:, : len(self.light.names)] > LEAST_INFORMATION).all(axis=1) & (
-            np.linalg.cond(scaled) < 1 / CERTAIN
+            np.linalg.cond(scaled) < 1 / _CERTAIN
         )
         found = np.tile(np.eye(len(scale[0])), (len(poses), 1, 1))
         if certain.any():
@@ -209,7 +209,7 @@ class Calm:
         """Take up where the filter puts them, this long after the last."""
         if not seconds:
             return
-        kept = np.exp(-seconds / CALM_S)
+        kept = np.exp(-seconds / _CALM_S)
         apart = poses - self.poses
         apart[:, 3:] = wrapped(apart[:, 3:])
         self.poses = self.poses + (1 - kept**2) * apart
@@ -221,14 +221,14 @@ class Calm:
 #: between what is found and what is expected) distances are 0.10 to 0.27 m too short, two to three of their
 #: errors; with 0.5 s 0.03 to 0.10 m too long, with 1 s 0.02 to 0.05, with 2 s 0.01 to 0.03; with 10 s the
 #: memory lags behind and some lose their way.
-CALM_S = 2.0
+_CALM_S = 2.0
 #: After so many readings in a row that its filter did not use a follower looks anew: it steers by them.
 #: Measured, 960 runs at 5 Hz: with 2 one lost its way, with 5 fourteen did.
-PATIENCE = 2
+_PATIENCE = 2
 #: Part of what is known of the unknowns beforehand that every reading is taken to tell (chosen: a thousand
 #: readings do not add a prior to it).
-HINT = 1e-4
+_HINT = 1e-4
 #: Standard deviation, as a logarithm, of a gain that is not known: a factor of e^10.
-FREE = 10.0
+_FREE = 10.0
 #: Smallest ratio of eigenvalues of an information of unit diagonal that is not rounding.
-CERTAIN = 1e-10
+_CERTAIN = 1e-10

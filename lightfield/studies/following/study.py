@@ -36,14 +36,14 @@ BELIEFS = {
     "relative": "the formula, relative readings only",
 }
 #: The same, for legends.
-SHORT = {
+_SHORT = {
     "field": "field", "fitted": "formula fitted here", "exact": "formula, exact c",
     "clear": "formula from home", "relative": "formula, relative",
 }  # fmt: skip
 #: Distance, m, by which a follower may miss what was asked for: what docking allows along the beam.
-ALLOWED_M = DOCKING["z"]
+_ALLOWED_M = DOCKING["z"]
 #: More readings of all runs together would take an hour and a gigabyte: an hour at 10 Hz in eight runs.
-MOST_READINGS = 300_000
+_MOST_READINGS = 300_000
 #: Samples of a run in JSON.
 SHOWN = 241
 
@@ -93,7 +93,7 @@ class Followed:
     @property
     def believed_short(self) -> str:
         """The same, for legends."""
-        return "formula, true here" if self._knows_the_formula else SHORT[self.mission.believes]
+        return "formula, true here" if self._knows_the_formula else _SHORT[self.mission.believes]
 
     @property
     def _knows_the_formula(self) -> bool:
@@ -132,7 +132,7 @@ class Followed:
             return f"{stands}, and drives through a wall of the tank in {self.through_walls} of {count} runs"
         if found["outside"].mean > 0:
             return f"{stands}, and leaves the light that is known"
-        if abs(off) <= ALLOWED_M:
+        if abs(off) <= _ALLOWED_M:
             return stands
         return f"{stands}: {abs(off):.1f} m too {'far' if off > 0 else 'near'}"
 
@@ -310,10 +310,10 @@ def follow(
 
 def _check_length(scene: Scene, runs: int) -> None:
     mission, rate = scene.follower_here.mission, array_of(scene).sample_hz
-    if runs * mission.duration_s * rate > MOST_READINGS:
+    if runs * mission.duration_s * rate > _MOST_READINGS:
         raise SceneError(
             "too many readings", where="follower.mission.duration_s",
-            found=f"{mission.duration_s:g} s at {rate:g} Hz in {runs} runs", rule=f"at most {MOST_READINGS}",
+            found=f"{mission.duration_s:g} s at {rate:g} Hz in {runs} runs", rule=f"at most {_MOST_READINGS}",
             remedy="a shorter mission, fewer runs, or a lower array.sample_hz",
         )  # fmt: skip
 

@@ -40,11 +40,11 @@ from lightfield.version import __version__
 
 #: What such a store says that it holds.
 QUANTITY = "following"
-TASK = "follower.mission.task"
+_TASK = "follower.mission.task"
 #: A case takes seconds.
 MOST_CASES = 10_000
 #: Of a metric over the runs of a case: suffix of its name, and what it is.
-KEPT = {"": "mean over the runs", "_stderr": "standard error of the mean over the runs"}
+_KEPT = {"": "mean over the runs", "_stderr": "standard error of the mean over the runs"}
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: F
     started = time.perf_counter()
     failed: dict[int, str] = {}
     kept = [name for name in METRICS if name in target.variables]
-    results = {name + suffix: np.full(len(block.cases), np.nan) for name in kept for suffix in KEPT}
+    results = {name + suffix: np.full(len(block.cases), np.nan) for name in kept for suffix in _KEPT}
     for i, number in enumerate(map(int, block.cases)):
         try:
             scene = cases.build(number)
@@ -150,7 +150,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: F
             continue
         for name, values in found.cases[0].runs.items():
             one = OverRuns.of(values)
-            for suffix, value in zip(KEPT, (one.mean, one.error), strict=True):
+            for suffix, value in zip(_KEPT, (one.mean, one.error), strict=True):
                 results[name + suffix][i] = value
     files = write_block(block, cases, target.path, target.variables, results)
     return BlockDone(block.number, failed, files, time.perf_counter() - started, worker_name(), peak_bytes())
@@ -162,7 +162,7 @@ def as_data(data: xr.Dataset) -> dict[str, Any]:
         "axes": json.loads(data.attrs["sweep_axes"]),
         "message": data.message.values.tolist(),
     }
-    for name in (metric + suffix for metric in METRICS if metric in data for suffix in KEPT):
+    for name in (metric + suffix for metric in METRICS if metric in data for suffix in _KEPT):
         values = data[name].values
         nothing: Any = None  # JSON knows no NaN
         found[name] = np.where(np.isfinite(values), values, nothing).tolist()
@@ -172,11 +172,11 @@ def as_data(data: xr.Dataset) -> dict[str, Any]:
 def _variables(plan: SweepPlan) -> dict[str, Variable]:
     cases, found = plan.cases, dict[str, Variable]()
     dims = tuple(axis.name for axis in cases.axes)
-    tasks = {value for axis in cases.axes for value in axis.values.get(TASK, ())} or {cases.scene.get(TASK)}
+    tasks = {value for axis in cases.axes for value in axis.values.get(_TASK, ())} or {cases.scene.get(_TASK)}
     for name, (unit, meaning) in METRICS.items():
         if (name in OF_DOCKING and "dock" not in tasks) or (name in OF_FOLLOWING and "follow" not in tasks):
             continue
-        for suffix, what in KEPT.items():
+        for suffix, what in _KEPT.items():
             attrs = {"units": unit, "long_name": f"{what}: {meaning}"}
             found[name + suffix] = Variable(dims, cases.shape, plan.chunks, "f8", attrs)
     return beside_axes(plan, found)

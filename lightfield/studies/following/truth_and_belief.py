@@ -17,28 +17,28 @@ from lightfield.studies.follower.elements import Elements
 
 #: Room about the way, m: across, towards the lamp and away from it (chosen; a follower that believes a wrong
 #: light misses its distance by up to two and a half metres in the waters of `pose bias`).
-ACROSS_M, NEARER_M, FARTHER_M = 0.6, 2.5, 3.5
+_ACROSS_M, _NEARER_M, _FARTHER_M = 0.6, 2.5, 3.5
 #: Of the distance of a dock, the part up to which the light is known.
-BEFORE_DOCK = 0.5
+_BEFORE_DOCK = 0.5
 #: Distances about the standoff, m, at which a follower fits K and gain (as in `pose bias`).
-FITTED_OVER_M = 2.0
+_FITTED_OVER_M = 2.0
 #: Waters between which light that changes is interpolated.
-TURBID_STEPS = 9
+_TURBID_STEPS = 9
 #: The most turbid of several waters is so much denser than the one that is traced (as in `pose bias`).
-DENSER = 2.0
+_DENSER = 2.0
 #: Light is known so many standard deviations of the lamp's direction to the side, up to an angle, degrees.
-TILTED, WIDEST_DEG = 3.0, 45.0
+_TILTED, _WIDEST_DEG = 3.0, 45.0
 
 
 def space_of_mission(scene: Scene) -> Space:
     """Where a run may lead."""
     follower = scene.follower_here
     mission = follower.mission
-    near = max(mission.standoff_m - NEARER_M, BEFORE_DOCK * mission.standoff_m)
+    near = max(mission.standoff_m - _NEARER_M, _BEFORE_DOCK * mission.standoff_m)
     if mission.task == "dock":
-        near = BEFORE_DOCK * mission.dock_m
-    far = max(mission.standoff_m, follower.z_m) + FARTHER_M
-    across = max(ACROSS_M, abs(follower.x_m), abs(follower.y_m))
+        near = _BEFORE_DOCK * mission.dock_m
+    far = max(mission.standoff_m, follower.z_m) + _FARTHER_M
+    across = max(_ACROSS_M, abs(follower.x_m), abs(follower.y_m))
     return Space(across, min(near, follower.z_m), far)
 
 
@@ -61,10 +61,10 @@ def light_of_mission(
     """
     most = densest_per_m(scene) if densest is None else densest
     if photons and most > scene.water.scattering_per_m and scene.water.base == "none":
-        scene = scene.with_values({"water.scattering_per_m": most / DENSER})
+        scene = scene.with_values({"water.scattering_per_m": most / _DENSER})
     space = space_of_mission(scene)
     tilt = scene.follower_here.lamp_tilt_known_deg
-    aside = space.far_m * np.tan(np.radians(min(TILTED * tilt, WIDEST_DEG)))
+    aside = space.far_m * np.tan(np.radians(min(_TILTED * tilt, _WIDEST_DEG)))
     wider = replace(space, half_width_m=space.half_width_m + float(aside))
     return light_of(scene, wider, elements, photons=photons, seed=seed)
 
@@ -79,8 +79,8 @@ def belief_of(name: str, truth: Light, elements: Elements, standoff_m: float) ->
     """
     if name == "field":
         return ArrayModel(truth, elements), True
-    near = max(standoff_m - FITTED_OVER_M, 0.5 * standoff_m)
-    space = Space(0.0, near, standoff_m + FITTED_OVER_M)
+    near = max(standoff_m - _FITTED_OVER_M, 0.5 * standoff_m)
+    space = Space(0.0, near, standoff_m + _FITTED_OVER_M)
     if name == "exact":
         at = middles_nm(truth.scene)[0].mean(keepdims=True)
         c = float(absorption_per_m(truth.scene.water, at)[0] + scattering_per_m(truth.scene.water, at)[0])
@@ -119,7 +119,7 @@ class Truth:
         drift = np.exp(PERCENT * array.gain_drift_percent * rng.standard_normal((runs, 1)))
         off = np.exp(PERCENT * follower.water_known_percent * rng.standard_normal((runs, 2)))
         factor = follower.mission.turbid_factor
-        steps = np.linspace(1.0, factor, TURBID_STEPS if factor != 1.0 else 1)
+        steps = np.linspace(1.0, factor, _TURBID_STEPS if factor != 1.0 else 1)
         waters = off.tolist() if follower.water_known_percent else [(1.0, 1.0)]
         models = [
             [ArrayModel(light.in_water_of(_water(scene, a, b * float(f))), elements) for f in steps]

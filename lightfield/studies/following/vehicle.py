@@ -19,7 +19,7 @@ import numpy as np
 from lightfield.arrays import Array
 
 #: m/s^2 (the standard one).
-GRAVITY = 9.80665
+_GRAVITY = 9.80665
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ class Vehicle:
 
     def _restoring(self, angles: Array) -> Array:
         """Of weight and buoyancy, which are equal: the vehicle only rights itself."""
-        weight = self.mass_kg * GRAVITY
+        weight = self.mass_kg * _GRAVITY
         roll, pitch = angles[:, 0], angles[:, 1]
         down = np.stack([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
         lever = np.array(self.centre_m) * weight - np.array(self.buoyant_m) * weight

@@ -51,8 +51,8 @@ _CELL_M = 0.3
 #: A bandwidth is told where the photons tell scattered light to this part of it. Chosen.
 _BANDWIDTH_KNOWN = 0.2
 #: Parts of the band, over each of which the water is taken to be the same: where its optical depths part by d
-#: from one end of the band to the other, (d / PARTS)^2 / 24 of the light is missed.
-PARTS = 20
+#: from one end of the band to the other, (d / _PARTS)^2 / 24 of the light is missed.
+_PARTS = 20
 
 
 class Colours(NamedTuple):
@@ -81,7 +81,7 @@ class Colours(NamedTuple):
             The lamp sends nothing that is read in the band.
         """
         scene = lit(scene)
-        at, intensity = over_first_band(scene, PARTS)
+        at, intensity = over_first_band(scene, _PARTS)
         if not intensity.sum() > 0:
             low, high = scene.detector.bands_nm[0]
             raise UsageError(

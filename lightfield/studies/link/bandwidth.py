@@ -29,7 +29,7 @@ PATH_NODES = 201
 #: Electrical bandwidth: where the impulse response has lost half of its electrical power.
 HALF_POWER = np.sqrt(0.5)
 #: Frequencies at which that is looked for, Hz.
-FREQUENCIES = np.geomspace(1e4, 1e12, 1200)
+_FREQUENCIES = np.geomspace(1e4, 1e12, 1200)
 #: Of a second-order interpolation: a step twice as wide errs by this much more.
 _COARSER = 3.0
 
@@ -79,7 +79,7 @@ def coarser(by_path: Array, excess_m: Array) -> tuple[Array, Array]:
 
 def _three_db(direct: Array, by_path: Array, excess_m: Array) -> Array:
     """Frequency at which every place's transfer first falls below half power, Hz, shape (n,)."""
-    turn = np.exp(-2j * np.pi * np.outer(FREQUENCIES, excess_m * GROUP_INDEX / LIGHT_M_PER_S))
+    turn = np.exp(-2j * np.pi * np.outer(_FREQUENCIES, excess_m * GROUP_INDEX / LIGHT_M_PER_S))
     transfer = np.abs(direct + turn @ by_path) / np.maximum(direct + by_path.sum(axis=0), 1e-300)
     # At frequencies that the steps do not resolve they must not make a limit where there is none.
     limited = direct < HALF_POWER * (direct + by_path.sum(axis=0))
@@ -93,8 +93,8 @@ def _first_below(transfer: Array) -> float:
         return float("inf")
     k = int(below[0])
     if k == 0:
-        return float(FREQUENCIES[0])
-    return float(np.exp(np.interp(HALF_POWER, transfer[[k, k - 1]], np.log(FREQUENCIES[[k, k - 1]]))))
+        return float(_FREQUENCIES[0])
+    return float(np.exp(np.interp(HALF_POWER, transfer[[k, k - 1]], np.log(_FREQUENCIES[[k, k - 1]]))))
 
 
 def between_nodes(z_m: Array, nodes_m: Array, bandwidth_hz: Array, stderr_hz: Array) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from lightfield.studies import photocurrent
 #: A lamp is seen where its signal is so many times the noise in this bandwidth (20 readings a second).
 SEEN_SNR, SEEN_HZ = 10.0, 10.0
 #: What receivers there are, and room beside them: what it is called, least, largest and unit.
-RANGES = {
+_RANGES = {
     "area_mm2": ("area", 1e-6, 1e8, "mm²"),
     "responsivity_a_per_w": ("responsivity", 1e-6, 1e9, "A/W"),
     "noise_a_per_sqrt_hz": ("amplifier noise", 1e-30, 1.0, "A/√Hz"),
@@ -56,7 +56,7 @@ class Receiver:
     ber: float = 1e-6
 
     def __post_init__(self) -> None:
-        for name, (called, low, high, unit) in RANGES.items():
+        for name, (called, low, high, unit) in _RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise UsageError(

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 #: Waters to compare with, a and b in 1/m, as they are called for docking: c = 0.1 and 0.35.
 #: Farthest distance at which the accuracy of poses is asked about, m, and photons for it.
-DOCKING_TO_M, DOCKING_PHOTONS = 20.0, 1e6
+_DOCKING_TO_M, DOCKING_PHOTONS = 20.0, 1e6
 #: Nearest distance, m.
-FROM_M = 4.0
+_FROM_M = 4.0
 #: Distances asked at, and on which ranges are looked for.
 _DISTANCES, _SCAN = 18, 800
 
@@ -104,7 +104,7 @@ class Link:
     @property
     def docking_to_m(self) -> float:
         """Farthest distance at which docking was asked about, m."""
-        return min(DOCKING_TO_M, float(self.dataset.z_m[-1]))
+        return min(_DOCKING_TO_M, float(self.dataset.z_m[-1]))
 
 
 def link(
@@ -127,7 +127,7 @@ def link(
     waters : mapping of (a, b), optional, 1/m
         To compare with; default `LINK_WATERS`.
     to_m : float, m
-        Farthest distance; the nearest is `FROM_M`.
+        Farthest distance; the nearest is `_FROM_M`.
     **tracing
         Of `lightfield.render.maps.render_scene`: rel_error, max_photons, seed, cache.
 
@@ -139,10 +139,10 @@ def link(
         A lamp that is no beam.
     """
     receiver = receiver or Receiver()
-    if not FROM_M < to_m <= FARTHEST_M:
+    if not _FROM_M < to_m <= FARTHEST_M:
         raise UsageError(
             "impossible farthest distance", found=f"{to_m:g} m",
-            rule=f"above {FROM_M:g} m, where ranges begin, at most {FARTHEST_M:g} m",
+            rule=f"above {_FROM_M:g} m, where ranges begin, at most {FARTHEST_M:g} m",
         )  # fmt: skip
     refuse_pencil(scene.lamp)
     every = {"scene": Colours.of(scene).water_of(scene), **(LINK_WATERS if waters is None else waters)}
@@ -156,9 +156,9 @@ def link(
     for name, (a, b) in every.items():
         water = _water(scene, name, a, b)
         refuse_dark(
-            water, (FROM_M, to_m), where=f"water {name}", remedy="a nearer distance, or clearer water"
+            water, (_FROM_M, to_m), where=f"water {name}", remedy="a nearer distance, or clearer water"
         )
-    nodes, fine = np.geomspace(FROM_M, to_m, _DISTANCES), np.linspace(FROM_M, to_m, _SCAN)
+    nodes, fine = np.geomspace(_FROM_M, to_m, _DISTANCES), np.linspace(_FROM_M, to_m, _SCAN)
     parts, reaches = [], {}
     for k, (name, (a, b)) in enumerate(every.items()):
         with step(2 * k, 2 * len(every), f"data, {name}"):
@@ -166,7 +166,7 @@ def link(
             parts.append(along_axis(water, receiver, nodes, fine, tracing))
         with step(2 * k + 1, 2 * len(every), f"docking, {name}"):
             docking = docking_reach(
-                water, FROM_M, min(DOCKING_TO_M, to_m),
+                water, _FROM_M, min(_DOCKING_TO_M, to_m),
                 photons=min(DOCKING_PHOTONS, tracing.get("max_photons", np.inf)) if b > 0 else 0.0,
             )  # fmt: skip
         reaches[name] = _reach(parts[-1], receiver, docking)

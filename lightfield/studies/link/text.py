@@ -38,10 +38,10 @@ class Reported(NamedTuple):
         return f"up to {self.to_m:g} m" if not self.from_m else f"{self.from_m:g} to {self.to_m:g} m"
 
 
-THESIS = "Eren 2015, thesis, University of New Hampshire, scholars.unh.edu/dissertation/2193"
-REPORTED = (
-    Reported(0.0, 20.0, "K = 0.05 per m, 400 W lamp", THESIS),
-    Reported(0.0, 8.0, "K = 0.1 per m, 400 W lamp", THESIS),
+_THESIS = "Eren 2015, thesis, University of New Hampshire, scholars.unh.edu/dissertation/2193"
+_REPORTED = (
+    Reported(0.0, 20.0, "K = 0.05 per m, 400 W lamp", _THESIS),
+    Reported(0.0, 8.0, "K = 0.1 per m, 400 W lamp", _THESIS),
     Reported(
         10.0, 15.0, "turbid bay", "Cowen, Briest and Dombrowski 1997, Proc. OCEANS, 1143, as cited by others"
     ),
@@ -71,14 +71,14 @@ HEAD = (
     "seen, exp(−cz)",
 )
 #: What is asked of each column.
-ASKED = (
+_ASKED = (
     "Open water, on the beam's axis: walls and surface of a tank are left out. Docking: where an array of "
     f"receivers on the axis knows its pose to {DOCKING_ASKS} (Cramer-Rao bound of one reading; gain "
     "and water known as the scene says, or to 5 % and 20 %; "
     f"as in `range`). Seen: a signal {SEEN_SNR:g} times the noise in {SEEN_HZ:g} Hz, no pose. Echoes: "
     "scattered light that comes late into the next bits."
 )
-UNIFORM = "Uniform water: the scene's gradients, layers and hardening of its absorption are left out."
+_UNIFORM = "Uniform water: the scene's gradients, layers and hardening of its absorption are left out."
 #: Distances at which the bandwidth is told, m, as far as they were asked about.
 _BANDWIDTH_AT_M = (10.0, 20.0, 40.0)
 REPORTED_HEAD = ("reported", "water", "source")
@@ -129,7 +129,7 @@ def bandwidth_sentence(found: Link) -> str:
 def asked_words(found: Link) -> tuple[str, ...]:
     """What is asked of each column, and what of the scene has no say in it."""
     uniform = switched_off(found.scene.water, Acts.LAYERS | Acts.HARDENING)
-    return (ASKED,) if uniform else (ASKED, UNIFORM)
+    return (_ASKED,) if uniform else (_ASKED, _UNIFORM)
 
 
 def in_band_words(found: Link) -> str:
@@ -152,7 +152,7 @@ def as_text(found: Link) -> str:
     lines = [headline(found), ""]
     for row in [list(HEAD), *rows(found)]:
         lines.append(f"{row[0]:<8}{row[1]:<14}" + "".join(f" {cell:>22}" for cell in row[2:]))
-    reported = "; ".join(f"{r} ({r.water}; {r.source})" for r in REPORTED)
+    reported = "; ".join(f"{r} ({r.water}; {r.source})" for r in _REPORTED)
     return "\n".join([
         *lines, bandwidth_sentence(found), *asked_words(found),
         f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {receiver.area_mm2:g} mm² diode of "
@@ -164,7 +164,7 @@ def as_text(found: Link) -> str:
 
 def reported_rows() -> list[list[str]]:
     """A row per report, in the order of `REPORTED_HEAD`."""
-    return [[str(r), r.water, r.source] for r in REPORTED]
+    return [[str(r), r.water, r.source] for r in _REPORTED]
 
 
 def reached(
@@ -210,7 +210,7 @@ def as_data(found: Link) -> dict[str, Any]:
             }
             for name, r in found.reaches.items()
         },
-        "reported_by_others": [r._asdict() for r in REPORTED],
+        "reported_by_others": [r._asdict() for r in _REPORTED],
         "receiver": vars(found.receiver),
         "lamp_power_w": found.scene.lamp.power_w,
         "lamp_in_band_w": found.in_band_w,

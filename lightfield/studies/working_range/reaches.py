@@ -26,7 +26,7 @@ POSE_RULES = {
 RELATIVE = "_relative"
 #: Part of a bound by which two ways of smoothing one trace differ (0.5 % at 9 m, 1.3 % at 15 m): beside what
 #: the photons leave.
-SMOOTHED = 0.01
+_SMOOTHED = 0.01
 #: A bound is surely good where it is with so many of its errors more: one in forty is worse by chance.
 _SURE = 2.0
 #: What cannot be known at all, in m and rad, for logarithms.
@@ -195,7 +195,7 @@ def _worst(bound: Bound, names: tuple[str, ...]) -> tuple[float, float]:
     """Largest standard error of some coordinates, and its relative doubt by the trace."""
     name = max(names, key=bound.sigma.__getitem__)
     doubt = bound.doubt.get(name, 0.0)
-    return min(bound.sigma[name], _UNKNOWN), float(np.hypot(doubt, SMOOTHED)) if doubt else 0.0
+    return min(bound.sigma[name], _UNKNOWN), float(np.hypot(doubt, _SMOOTHED)) if doubt else 0.0
 
 
 def place_error(error: CubicSpline, curve: CubicSpline, z_m: float) -> float:

@@ -66,7 +66,7 @@ def array_sentence(found: WorkingRange) -> str:
         smaller = f" (not {ARRAY.size_m:g}: so that it fits this tank)" * fitted
         words = f"{array.count[0]} x {array.count[1]}, {array.size_m:g} m{smaller}, {shape}"
     unknown = ", ".join(f"{name} {_known(name, sigma)}" for name, sigma in found.nuisances.items())
-    flat = "" if array.layout == "table" or array.radius_m else " " + FLAT
+    flat = "" if array.layout == "table" or array.radius_m else " " + _FLAT
     return (
         f"Poses: the Cramer-Rao bound of one reading of the array ({words}; {array.layout}), on the axis, "
         f"facing the lamp; known beforehand to: {unknown or 'all exactly'}.{flat} Docking asks for "
@@ -77,7 +77,7 @@ def array_sentence(found: WorkingRange) -> str:
 #: What so few photons leave open.
 UNTOLD = "too few photons to say"
 #: What a flat array cannot tell.
-FLAT = "A flat array that faces the lamp trades yaw against a step aside: a curved one tells them apart."
+_FLAT = "A flat array that faces the lamp trades yaw against a step aside: a curved one tells them apart."
 
 
 def _known(name: str, sigma: float) -> str:

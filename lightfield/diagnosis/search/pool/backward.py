@@ -15,7 +15,7 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 #: Stages that are fitted, of at most so many effects. Chosen: time; half and twice of it alike in ten
 #: campaigns.
-FITS, _MOST = 4, 8
+_FITS, _MOST = 4, 8
 #: Keeps the normal equations of templates that are one solvable; makes a wrong sign the first to go. Chosen.
 _RIDGE, _WRONG = 1e-6, 1e3
 
@@ -64,7 +64,7 @@ def _blocks(pool: Pool, node: FittedSet, allowed: Admits) -> tuple[list[_Block],
     return [*out, *new], target
 
 
-def linear_backward(pool: Pool, node: FittedSet, allowed: Admits, fits: int = FITS) -> None:
+def linear_backward(pool: Pool, node: FittedSet, allowed: Admits, fits: int = _FITS) -> None:
     """Fit the best stages of an elimination that begins with everything."""
     blocks, target = _blocks(pool, node, allowed)
     # Where light is no number, no order holds among sets: nothing is proposed from there.

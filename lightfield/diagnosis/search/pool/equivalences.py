@@ -73,7 +73,7 @@ TABLE = (Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_recei
 #: Effects that show only beside another one, which hides them by its own size while they are small: waves
 #: dim what a surface mirrors, and at small slopes a surface that mirrors less is all that is seen of them;
 #: scattering has a colour where there is some.
-BESIDE = {
+_BESIDE = {
     "waves": "surface_reflection",
     "scattering_slope": "scattering",
     "scattering_spectrum": "scattering",
@@ -88,7 +88,7 @@ def try_beside(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
     have = {c.name for c in node.explanation}
     for new in pool.problem.candidates:
         whole = (*rest, new)
-        shows = BESIDE.get(new.name) in {c.name for c in rest} and new.name not in have
+        shows = _BESIDE.get(new.name) in {c.name for c in rest} and new.name not in have
         if not (shows and go_together(whole) and pool.affordable(whole)):
             continue
         known = node.fit.by_path

@@ -32,7 +32,7 @@ from lightfield.fitting.effects.free_form import BEAM_PROFILE
 NAMED_GAP, GAP, PLUS_GAP = 6.0, 3.0, 3.0
 #: Where something stays unexplained the gaps must be this many times its chi-square, taken to be no less than
 #: this for each reading. Chosen: factors below 5 gave wrong names.
-PARTIAL, PARTIAL_FLOOR = 10.0, 0.05
+_PARTIAL, _PARTIAL_FLOOR = 10.0, 0.05
 #: Sets that cost no more than this above the best are accepted beside it. Derived: beyond, evidence against a
 #: set is called very strong (Kass and Raftery 1995, doi:10.1080/01621459.1995.10476572). With half of it one
 #: of ten campaigns is told other alternatives, with twice none.
@@ -40,7 +40,7 @@ FAMILY = 10.0
 #: Where scattered light is known by the trace of the search alone its errors may pass for effects of
 #: so many sigma. Chosen: beside an oval lamp off its place, in readings without noise, they made an apparent
 #: source of 12.
-ROUGH_LIGHT = 15.0
+_ROUGH_LIGHT = 15.0
 #: Readings tell the scene's absorption from none by so many standard errors. Chosen: water whose scene is a
 #: quarter off ends at none by chance in one of ten thousand.
 _TELLS = 5.0
@@ -197,13 +197,13 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     if candidate.is_hardly_tested or like_water:  # that it fits says nothing: any would
         level = Certainty.ONE_OF
     elif not adequate:
-        left = max(_left(weighing), PARTIAL_FLOOR * float(pool.problem.keep.sum()))
-        part = min(gap, gap_named) > PARTIAL * left and not _strained(best)
+        left = max(_left(weighing), _PARTIAL_FLOOR * float(pool.problem.keep.sum()))
+        part = min(gap, gap_named) > _PARTIAL * left and not _strained(best)
         level = Certainty.PARTIAL if part else Certainty.ONE_OF
     elif beyond or _at_edge(pool, best, candidate) or _only_contained(name, pool.best()):
         level = Certainty.ONE_OF
     else:
-        rough = sigma < ROUGH_LIGHT and is_of_the_search_alone(pool.problem, best.fit)
+        rough = sigma < _ROUGH_LIGHT and is_of_the_search_alone(pool.problem, best.fit)
         most = Certainty.SIMPLEST if other_lamp or rough else Certainty.CERTAIN
         level = _weaker(_claim(gap, gap_named, gap_plus), most)
     return Evidence(

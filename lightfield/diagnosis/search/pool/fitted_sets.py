@@ -41,7 +41,7 @@ _PART = 0.4
 _ELSEWHERE = 1.0
 #: Predictions of scattered or reflected light that all fits together may take: some milliseconds each,
 #: between walls up to 30. Chosen: two minutes at most.
-MOST_DIFFUSE = 4000
+_MOST_DIFFUSE = 4000
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ class Pool:
     nodes: dict[SetKey, FittedSet] = field(default_factory=dict)
     fits: int = 0
     diffuse: int = 0
-    most_diffuse: int = MOST_DIFFUSE
+    most_diffuse: int = _MOST_DIFFUSE
     _scores: dict[SetKey, tuple[tuple[Score, ...], tuple[Array, ...]]] = field(default_factory=dict)
     _promises: dict[SetKey, list[Promise]] = field(default_factory=dict)
     _finished: set[SetKey] = field(default_factory=set)

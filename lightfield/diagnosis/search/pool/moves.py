@@ -16,7 +16,7 @@ _BETTER = 1e-6
 _LEAST = 1.0
 #: Rounds of drops and swaps; in each so many swaps are fitted, of those that promise to cost no more than
 #: this above the best. Chosen: the smallest that mended sets of four effects and more.
-ROUNDS, SWAPS, REACH = 6, 10, 8.0
+_ROUNDS, _SWAPS, _REACH = 6, 10, 8.0
 #: A curve is refined that makes chi-square so many times smaller: those of a measured flood with a steep edge
 #: do 180 to 920 times, in readings with errors of 0.4 and 1 %; those that follow a ripple of the angle,
 #: which is no lamp's, 2 to 15 times (`benchmarks/many_effects`, `benchmarks/hidden_effects`).
@@ -84,7 +84,7 @@ def _additions(pool: Pool, level: list[FittedSet], allowed: Admits) -> dict[SetK
 
 
 def polish(
-    pool: Pool, allowed: Admits, rounds: int = ROUNDS, swaps: int = SWAPS, reach: float = REACH
+    pool: Pool, allowed: Admits, rounds: int = _ROUNDS, swaps: int = _SWAPS, reach: float = _REACH
 ) -> FittedSet:
     """Drops, swaps and additions around the best set until nothing near is better.
 
@@ -115,7 +115,7 @@ def thin(pool: Pool) -> None:
     one of the set has made superfluous would stay.
     """
     for node in sorted(pool.nodes.values(), key=pool.cost):
-        limit = pool.cost(pool.best()) + REACH
+        limit = pool.cost(pool.best()) + _REACH
         if pool.cost(node) > limit:
             break
         for candidate in node.explanation:

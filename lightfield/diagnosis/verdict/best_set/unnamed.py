@@ -30,9 +30,9 @@ from lightfield.fitting.parameter import is_gain
 
 #: Chance that any absent effect saves so much of chi-square that it is spoken of, were the readings without
 #: any. Chosen: a warning in three of ten such verdicts, and only where it also changes something.
-CHANCE_OF_ANY = 0.3
+_CHANCE_OF_ANY = 0.3
 #: A change is spoken of from so many stated errors on. Chosen: within two a value is as it was said to be.
-CHANGED = 2.0
+_CHANGED = 2.0
 #: So many effects are fitted, of those that promise most, and so many are told. Chosen: time and words alone.
 _EFFECTS_FITTED, _EFFECTS_TOLD = 4, 2
 
@@ -109,7 +109,7 @@ def _hardly_told(also: WithScattering, finding: SearchResult, units: dict[str, s
     else:
         fit, told, scale = best.fit, best.errors, best.scale
     own, values = fit.stderr(scale), also.fit.values
-    wide = {path for path in own if told[path] > CHANGED * own[path] and not is_gain(path)}
+    wide = {path for path in own if told[path] > _CHANGED * own[path] and not is_gain(path)}
     with_it = {
         path: Estimate(value=values[path], stderr=also.errors[path], unit=units.get(path, "reading"))
         for path in also.fit.paths
@@ -193,7 +193,7 @@ def _asked(pool: Pool, candidate: Candidate) -> float:
     """Chi-square that one effect of all saves by chance with that probability, in units of the noise."""
     ground, d = pool.ground, len(candidate.parameters)
     names = {c.name for c in ground.problem.candidates}
-    return d * float(special.fdtri(d, ground.nu, 1 - CHANCE_OF_ANY / len(names)))
+    return d * float(special.fdtri(d, ground.nu, 1 - _CHANCE_OF_ANY / len(names)))
 
 
 def _with_one_more(pool: Pool, node: FittedSet, phi: float) -> list[tuple[FittedSet, Candidate]]:
@@ -217,5 +217,5 @@ def _changed(fit: Fit, other: Fit, phi: float) -> tuple[str, ...]:
     return tuple(
         path
         for path in fit.paths
-        if path in after and not is_gain(path) and abs(after[path] - before[path]) > CHANGED * stated[path]
+        if path in after and not is_gain(path) and abs(after[path] - before[path]) > _CHANGED * stated[path]
     )

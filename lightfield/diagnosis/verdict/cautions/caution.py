@@ -45,7 +45,7 @@ class Warns(str, Enum):
 
 
 #: What speaks of a mistake in the table or the scene, which effects then stand in for.
-MISTAKES = (
+_MISTAKES = (
     Warns.SCATTER_FAR_MORE, Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN,
     Warns.IMMERSED, Warns.OF_BAND, Warns.EXCHANGED, Warns.COARSE_TABLE, Warns.ANOTHER_LAMP,
 )  # fmt: skip
@@ -54,7 +54,7 @@ _MISTAKES_OF_TABLES = (
     Remarks.FAR_PLACES, Remarks.FAST_TIMES, Remarks.SLOW_TIMES, Remarks.LARGE_ERRORS, Remarks.EXACT_ZEROS,
 )  # fmt: skip
 #: How a fresh render contradicts a fit.
-CONTRADICTED = (
+_CONTRADICTED = (
     "the fresh render does not confirm the fit ({rendered_percent:.2g} % against {fitted_percent:.2g} %)"
 )
 _ON_TRUST = (
@@ -131,7 +131,7 @@ _WORDS = {
     Warns.NOT_CONVERGED: "the fit was stopped before it stood still: one step more would lower chi-square by "
     "{gain:.2g} and move {about} by {sigma:.2g} of its error; begin nearer to the end (with the fitted scene "
     "that -o writes), or leave out one of the effects that hang together",
-    Warns.NOT_CONFIRMED: CONTRADICTED + ": the explanation is no better than the former",
+    Warns.NOT_CONFIRMED: _CONTRADICTED + ": the explanation is no better than the former",
 }
 
 
@@ -159,7 +159,7 @@ class Caution(Record):
     @property
     def speaks_of_a_mistake(self) -> bool:
         """Would effects stand in for a mistake in the table or the scene?"""
-        return self.warns in MISTAKES or (self.table is not None and self.table.code in _MISTAKES_OF_TABLES)
+        return self.warns in _MISTAKES or (self.table is not None and self.table.code in _MISTAKES_OF_TABLES)
 
     @classmethod
     def of_table(cls, warning: LoadWarning) -> Caution:
@@ -169,4 +169,4 @@ class Caution(Record):
 
 def not_confirmed(why: Doubt) -> str:
     """How a fresh render contradicts a fit."""
-    return CONTRADICTED.format(rendered_percent=why.rendered_percent, fitted_percent=why.fitted_percent)
+    return _CONTRADICTED.format(rendered_percent=why.rendered_percent, fitted_percent=why.fitted_percent)

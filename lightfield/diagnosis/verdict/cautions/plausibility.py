@@ -39,25 +39,25 @@ from lightfield.scene.water.coefficients import absorption_per_m
 #: Factors from which on a fitted value is spoken of. Measured: guesses of the width were off by up to 18 %,
 #: those of the absorption by up to 35 %, where the model was right (52 rendered sets); mistakes are larger:
 #: radius for diameter or half for full width 2, decadic for natural logarithms 2.3, feet for metres 3.3.
-WIDTH_FACTOR, ABSORPTION_FACTOR = 1.5, 2.0
+_WIDTH_FACTOR, _ABSORPTION_FACTOR = 1.5, 2.0
 #: Absorption, and that of one wavelength.
 _ABSORPTION, _AT_A_WAVELENGTH = "water.absorption", "water.absorption_at."
 #: An absorption that takes less of the light than this optical depth is not spoken of. Chosen: a tenth.
-FELT = 0.1
+_FELT = 0.1
 #: Of its own errors an absorption lies so many from the scene's. Chosen: two are chance.
-SURE = 3.0
+_SURE = 3.0
 #: Errors of the calibration beyond which a gain is spoken of. Chosen: one right calibration of 370 is.
-GAIN_SIGMA = 3.0
+_GAIN_SIGMA = 3.0
 #: Factors that are spoken of as an irradiance collector's. Chosen: about water's index of refraction; each
 #: design has one of its own.
-IMMERSED = (1.1, 1.6)
+_IMMERSED = (1.1, 1.6)
 #: Chi-square from which on water that amplifies is spoken of. Chosen: two standard errors.
-AMPLIFIES = 4.0
+_AMPLIFIES = 4.0
 #: By how much two smooth beams through a coarse table differ, in bright readings, from which on it is spoken
 #: of. Chosen: twice the least error that a lamp's table is measured with.
-COARSE = 0.01
+_COARSE = 0.01
 #: Exchanged columns leave this part of the misfit at most. Chosen: in chi-square, half of every reading's.
-EXCHANGED = 0.25
+_EXCHANGED = 0.25
 
 
 def hints(
@@ -98,7 +98,7 @@ def exchanged(forward: SceneForward, problem: Problem, finding: SearchResult) ->
     other = SceneForward(scene, replace(readings, x_m=readings.y_m, y_m=readings.x_m))
     base, whiten = finding.level.base, finding.level.bench.whiten
     swapped = replace(problem, forward=other).fit((), whiten, [base.u, problem.model().start])
-    if swapped.chi2 > EXCHANGED * base.chi2:
+    if swapped.chi2 > _EXCHANGED * base.chi2:
         return []
     both = {"exchanged": swapped.chi2 / finding.n, "as_given": base.chi2 / finding.n}
     return [Caution(warns=Warns.EXCHANGED, values=both)]
@@ -107,7 +107,7 @@ def exchanged(forward: SceneForward, problem: Problem, finding: SearchResult) ->
 def _width(stated: Scene, fitted: Scene) -> Caution | None:
     width, guess = _seen_width_deg(fitted), _seen_width_deg(stated)
     ratio = width / guess
-    if 1 / WIDTH_FACTOR < ratio < WIDTH_FACTOR:
+    if 1 / _WIDTH_FACTOR < ratio < _WIDTH_FACTOR:
         return None
     told = {"ratio": ratio, "fitted": width, "stated": guess}
     return Caution(warns=Warns.WIDTH, about="lamp.hwhm_deg", values=told)
@@ -133,10 +133,10 @@ def _absorption(forward: SceneForward, problem: Problem, fit: Fit) -> Caution | 
     guess = float(np.mean(stated))
     fitted = float(np.mean(absorption_per_m(forward.scenes.at(told, validate=False).water, at)))
     felt = abs(fitted - guess) * float(np.ptp(layout.z_m[wet]))
-    if guess <= 0 or felt < FELT or 1 / ABSORPTION_FACTOR < fitted / guess < ABSORPTION_FACTOR:
+    if guess <= 0 or felt < _FELT or 1 / _ABSORPTION_FACTOR < fitted / guess < _ABSORPTION_FACTOR:
         return None
     error = fit.stderr().get("water.absorption_per_m", np.nan)
-    if abs(fitted - guess) < SURE * error:
+    if abs(fitted - guess) < _SURE * error:
         return None
     said = {"ratio": fitted / guess, "fitted": fitted, "stated": guess}
     warns = Warns.LESS_ABSORPTION if fitted < guess else Warns.MORE_ABSORPTION
@@ -148,7 +148,7 @@ def _has_colour(path: str) -> bool:
 
 
 def _amplifying(fit: Fit) -> Caution | None:
-    if cost_of_amplifying(fit) < AMPLIFIES:
+    if cost_of_amplifying(fit) < _AMPLIFIES:
         return None
     return Caution(
         warns=Warns.AMPLIFIES, about="water", values={"least_per_m": lowest_attenuation_per_m(fit)}
@@ -172,7 +172,7 @@ def _coarse_table(forward: SceneForward, problem: Problem) -> Caution | None:
     angle = table_angle(forward.scene.lamp, r.x_m, r.y_m, r.z_m, r.medium)
     untold, stated = np.abs(table.untold(angle)) * bright(problem), np.degrees(table.stated_rad)
     k = int(np.argmax(untold))
-    if untold[k] < COARSE:
+    if untold[k] < _COARSE:
         return None
     step = np.diff(stated)[np.clip(np.searchsorted(table.stated_rad, angle[k]) - 1, 0, len(stated) - 2)]
     told = {"step_deg": float(step), "percent": 100 * float(untold[k])}
@@ -182,7 +182,7 @@ def _coarse_table(forward: SceneForward, problem: Problem) -> Caution | None:
 def _gain(scene: Scene, values: Mapping[str, float], calibration: float | None) -> Caution | None:
     power = float(scene.lamp.power_w)
     ratio = values.get(GAIN, 1.0) * values.get(LAMP_POWER, power) / power
-    if calibration is None or abs(np.log(ratio)) < GAIN_SIGMA * calibration:
+    if calibration is None or abs(np.log(ratio)) < _GAIN_SIGMA * calibration:
         return None
     told = {"ratio": ratio, "power_w": power, "calibration_percent": 100 * calibration}
     return Caution(warns=Warns.GAIN, about=LAMP_POWER, values=told)
@@ -194,7 +194,7 @@ def _immersed(forward: SceneForward, gain: Caution | None) -> Caution | None:
         return None
     factor = 1 / float(gain.values["ratio"])
     wet = (np.asarray(forward.readings.medium) == "water").all()
-    if not (wet and forward.scene.detector.quantity != "radiance" and IMMERSED[0] < factor < IMMERSED[1]):
+    if not (wet and forward.scene.detector.quantity != "radiance" and _IMMERSED[0] < factor < _IMMERSED[1]):
         return None
     return Caution(warns=Warns.IMMERSED, about="detector.immersion_factor", values={"factor": factor})
 
@@ -209,6 +209,6 @@ def _of_band(forward: SceneForward, gain: Caution | None, calibration: float | N
         return None
     mean = over_bands(scene).intensity.mean()
     at = axial_intensity(scene.lamp, read_nm(scene, wavelength)).mean()
-    if at <= 0 or abs(np.log(gain.values["ratio"] * at / mean)) > GAIN_SIGMA * calibration:
+    if at <= 0 or abs(np.log(gain.values["ratio"] * at / mean)) > _GAIN_SIGMA * calibration:
         return None
     return Caution(warns=Warns.OF_BAND, about="wavelength_nm", values={"ratio": float(mean / at)})

@@ -29,7 +29,7 @@ from lightfield.fitting.parameter import FitParameter, Model
 
 #: A coordinate is named when a factor along it takes away this part of the misfit. Chosen: a third; of a
 #: misfit that is a function of one coordinate alone it takes nearly all (test_families.py).
-NAMED = 0.35
+_NAMED = 0.35
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def unexplained(
     prediction = beside[0][1].prediction if best is None else best.prediction
     z = np.abs(problem.keep * (problem.value - prediction) / prepared.noise.sigma)
     spot = _spot(problem, int(z.argmax()))
-    misfit = best.misfit if best is not None and best.explained > NAMED else None
+    misfit = best.misfit if best is not None and best.explained > _NAMED else None
     return misfit, repeat(spot, misfit)
 
 

@@ -26,7 +26,7 @@ from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.wording import capital, plain
 
 #: Effects from which on the verdict is told by what is known of each. Derived: for fewer there are words.
-MANY: Final = 3
+_MANY: Final = 3
 #: Explanations, or effects asked for, that the sentence names one by one. Chosen: words alone.
 _NAMED = 4
 #: Explanations of less weight are not spoken of in it, but for two. Chosen: words alone.
@@ -88,7 +88,7 @@ def _of_kind(v: VerdictData, told: Sequence[AcceptedExplanation], rival: Nearest
         return _unexplained(v)
     if v.verdict == Kind.NONE:
         return _none(v)
-    if len(v.found) >= MANY:
+    if len(v.found) >= _MANY:
         return _many(v, [one for one in v.found if one.effect not in stated.against(v.stated)])
     if v.verdict == Kind.IDENTIFIED:
         return _identified(v, told[0], rival)

@@ -11,7 +11,7 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 NAME = "Jaz"
-COLUMNS = {"D": "dark", "R": "reference", "S": "signal", "P": "processed"}
+_COLUMNS = {"D": "dark", "R": "reference", "S": "signal", "P": "processed"}
 
 
 def claims(document: Document) -> bool:
@@ -34,7 +34,7 @@ def read_lettered(document: Document, name: str, problems: Problems, **more: Any
         line, names = block.lines[0]
         letters = names.upper().replace(";", " ").split()
         rest = letters[1:]
-        if letters[:1] != ["W"] or "S" not in rest or not {*rest} <= {*COLUMNS} or len({*rest}) < len(rest):
+        if letters[:1] != ["W"] or "S" not in rest or not {*rest} <= {*_COLUMNS} or len({*rest}) < len(rest):
             problems.refuse(
                 f"not a usable {name} file",
                 "unknown column names",
@@ -43,6 +43,6 @@ def read_lettered(document: Document, name: str, problems: Problems, **more: Any
                 rule="W D R S P, W D S P or W S",
                 remedy="export it again",
             )
-        columns = [COLUMNS[letter] for letter in rest]
+        columns = [_COLUMNS[letter] for letter in rest]
         block = replace(block, lines=block.lines[1:])
     return spectrum(document, name, block, columns, problems, **more)

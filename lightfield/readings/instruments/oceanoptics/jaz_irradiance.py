@@ -16,7 +16,7 @@ from lightfield.readings.instruments.spectrum import Spectrum
 from lightfield.readings.problems import Problems
 
 NAME = "Jaz irradiance"
-UNIT = "uW cm^-2 nm^-1"
+_UNIT = "uW cm^-2 nm^-1"
 
 
 def claims(document: Document) -> bool:
@@ -31,7 +31,7 @@ def read(document: Document) -> Spectrum:
     found = jaz.read_lettered(document, NAME, problems)
     sphere = next((v for k, v in document.header.items() if "sphere" in k.lower()), "No")
     # With an integrating sphere the program gives power, not irradiance.
-    unit = UNIT if sphere.strip().lower() == "no" else ""
+    unit = _UNIT if sphere.strip().lower() == "no" else ""
     notes = found.notes if unit else (*found.notes, Oddity(Odd.SPHERE))
     block = document.block("calibration")
     if block is None or not block.lines:

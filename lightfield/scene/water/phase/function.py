@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
 
-SMALLEST_RAD = 1e-7
+_SMALLEST_RAD = 1e-7
 GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(8)
 FOUR_PI = 4.0 * math.pi
 
@@ -19,7 +19,7 @@ FOUR_PI = 4.0 * math.pi
 @lru_cache(maxsize=1)
 def angle_grid() -> Array:
     """Scattering angles in rad, 1e-7 to pi, that resolve a forward peak, the middle and a backward peak."""
-    forward = np.geomspace(SMALLEST_RAD, math.pi, 3000)
+    forward = np.geomspace(_SMALLEST_RAD, math.pi, 3000)
     middle = np.linspace(0.02, math.pi, 2000)
     backward = math.pi - np.geomspace(1e-4, 1.0, 400)
     grid = np.unique(np.concatenate([forward, middle, backward]))

@@ -15,7 +15,7 @@ from lightfield.scene.water.phase.function import FOUR_PI, GAUSS_W, GAUSS_X, Pha
 from lightfield.storage.inputs import kept_by_file
 from lightfield.storage.tables import read_columns
 
-PETZOLD_COLUMNS = {
+_PETZOLD_COLUMNS = {
     "average": "average_per_sr",
     "clear": "clear_per_m_sr",
     "coastal": "coastal_per_m_sr",
@@ -124,7 +124,7 @@ def petzold(water: str = "average") -> TabulatedPhase:
     water : str
         "average" (Mobley et al. 1993), "clear", "coastal" or "harbor".
     """
-    angle, density = columns_of("petzold_phase.csv", "angle_deg", PETZOLD_COLUMNS[water])
+    angle, density = columns_of("petzold_phase.csv", "angle_deg", _PETZOLD_COLUMNS[water])
     return TabulatedPhase(np.radians(angle), density)
 
 

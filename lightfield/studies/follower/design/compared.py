@@ -43,18 +43,18 @@ Task = Literal["formation", "docking"]
 #: Distances of a task as parts of the formation space, places beside the beam's axis, m (no farther than half
 #: the space is wide), and yaws, degrees. Docking ends near the lamp, on its axis (chosen: the prototype's
 #: twelve poses; the last part of a way home).
-TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
+_TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
     "formation": ((0.0, 0.5, 1.0), (0.0, 0.3), (0.0, 8.0)),
     "docking": ((0.0, 0.1, 0.25), (0.0, 0.1), (0.0, 4.0)),
 }
 #: Information of everything, in units of the task, that keeps an array with too few elements from dividing
 #: by zero.
-RIDGE = 1e-9
+_RIDGE = 1e-9
 
 
 def task_poses(space: Space, lamp: Lamp, task: Task = TASK) -> Array:
     """Poses of a task in a formation space, on the axis of the beam and aside, m and rad, shape (n, 6)."""
-    parts, sideways, yaws = TASKS[task]
+    parts, sideways, yaws = _TASKS[task]
     axis = poses_on_axis(lamp, space.near_m + np.array(parts) * (space.far_m - space.near_m))
     aside = [min(x, space.half_width_m) for x in sideways]
     turned = [np.array([x, 0, 0, np.radians(yaw), 0, 0]) for x in aside for yaw in yaws]
@@ -107,7 +107,7 @@ class ArraySetting:
     def prior(self) -> Array:
         """Information before any reading, shape (k, k)."""
         known = [float(s) ** -2.0 for s in self.nuisances.values()]
-        return np.diag([RIDGE] * len(self.names) + [max(v, RIDGE) for v in known])
+        return np.diag([_RIDGE] * len(self.names) + [max(v, _RIDGE) for v in known])
 
     def criterion(self, whitened: Array) -> float:
         """A of the elements together."""

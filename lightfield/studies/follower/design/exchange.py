@@ -30,15 +30,15 @@ from lightfield.studies.follower.survey import array_of
 #: Name of the array that is found.
 BEST = "the best found"
 #: Places along a side of the box, and tilts in either direction, of the first candidates.
-SIDE, TILTS = 7, 5
+_SIDE, _TILTS = 7, 5
 #: How often the candidates close in, by half a step each time (chosen: steps of 1 cm and 2 degrees remain).
-ROUNDS = 3
+_ROUNDS = 3
 #: Random beginnings of the exchange, and its sweeps at most.
-RESTARTS, MOST_SWEEPS = 12, 30
+_RESTARTS, _MOST_SWEEPS = 12, 30
 #: An exchange must better the criterion by this part of it.
-LEAST_GAIN = 1e-6
+_LEAST_GAIN = 1e-6
 #: Distance by which an array may break the smallest spacing, m: rounding.
-ROUNDING_M = 1e-9
+_ROUNDING_M = 1e-9
 
 
 def candidate_arrays(x: Array, y: Array, tilts_deg: Array) -> Elements:
@@ -120,18 +120,18 @@ def optimise_array(
 def designed(setting: ArraySetting, elements: int, room: Mounting, seed: int = 0) -> Elements:
     """The best array that exchanges and ever closer candidates find."""
     tilt_max_deg, spacing_m = room.tilt_max_deg, room.spacing_m
-    half, tilts = 0.5 * room.box_m, np.linspace(-tilt_max_deg, tilt_max_deg, TILTS if tilt_max_deg else 1)
-    side = np.linspace(-half, half, SIDE)
+    half, tilts = 0.5 * room.box_m, np.linspace(-tilt_max_deg, tilt_max_deg, _TILTS if tilt_max_deg else 1)
+    side = np.linspace(-half, half, _SIDE)
     everything = candidate_arrays(side, side, tilts)
     whitened, rng = setting.whitened(everything), np.random.default_rng(seed)
     found = [
         _exchange(setting, everything, whitened, _begin(everything, elements, spacing_m, rng), spacing_m)
-        for _ in range(RESTARTS)
+        for _ in range(_RESTARTS)
     ]
     _, chosen = min(found, key=lambda one: one[0])
     best = _picked(everything, chosen)
     step, turn = side[1] - side[0], tilts[1] - tilts[0] if len(tilts) > 1 else 0.0
-    for _ in range(ROUNDS):
+    for _ in range(_ROUNDS):
         step, turn = 0.5 * step, 0.5 * turn
         near = _around(best, step, turn, half, tilt_max_deg)
         start = list(range(len(best)))  # the present elements come first
@@ -163,7 +163,7 @@ def _begin(among: Elements, count: int, spacing_m: float, rng: np.random.Generat
     chosen: list[int] = []
     for k in rng.permutation(len(among)):
         apart = np.linalg.norm(among.place_m[chosen] - among.place_m[k], axis=1)
-        if np.min(apart, initial=np.inf) >= spacing_m - ROUNDING_M:
+        if np.min(apart, initial=np.inf) >= spacing_m - _ROUNDING_M:
             chosen.append(int(k))
             if len(chosen) == count:
                 return chosen
@@ -171,8 +171,8 @@ def _begin(among: Elements, count: int, spacing_m: float, rng: np.random.Generat
         f"{count} elements do not fit",
         where="array",
         found=f"room for about {len(chosen)}",
-        rule=f"{spacing_m:g} m between two of them, on at most {SIDE} x {SIDE} places",
-        remedy="fewer elements" if count > SIDE**2 else "fewer elements, a larger box, or a smaller spacing",
+        rule=f"{spacing_m:g} m between two of them, on at most {_SIDE} x {_SIDE} places",
+        remedy="fewer elements" if count > _SIDE**2 else "fewer elements, a larger box, or a smaller spacing",
     )
 
 
@@ -182,17 +182,17 @@ def _exchange(
     """Exchanges until none helps: A, and which candidates are left."""
     chosen = list(begin)
     best = setting.criterion(whitened[:, chosen])
-    for _ in range(MOST_SWEEPS):
+    for _ in range(_MOST_SWEEPS):
         before = best
         for k in range(len(chosen)):
             rest = chosen[:k] + chosen[k + 1 :]
             values = setting.exchanged(whitened, whitened[:, rest])
             if rest:
                 apart = np.linalg.norm(among.place_m[:, None] - among.place_m[rest][None], axis=2).min(axis=1)
-                values = np.where(apart >= spacing_m - ROUNDING_M, values, np.inf)
+                values = np.where(apart >= spacing_m - _ROUNDING_M, values, np.inf)
             other = int(values.argmin())
-            if values[other] < best * (1 - LEAST_GAIN):
+            if values[other] < best * (1 - _LEAST_GAIN):
                 chosen[k], best = other, float(values[other])
-        if best > before * (1 - LEAST_GAIN):
+        if best > before * (1 - _LEAST_GAIN):
             break
     return best, chosen

@@ -27,17 +27,17 @@ from lightfield.studies.follower.rival_poses import RivalPose, distinct, nearest
 from lightfield.studies.follower.survey import array_of
 
 #: Poses a first search starts from: one in every eighth of the formation space.
-FIRST_STARTS = 8
+_FIRST_STARTS = 8
 #: Readings that are this unlikely do not come from the light that is believed in (as of a diagnosis: 1 %).
-UNLIKELY = 0.01
+_UNLIKELY = 0.01
 #: Readings so much less probable, so many in a row, are no accident: the light is another than is believed.
 DOUBTFUL, IN_A_ROW = 1e-3, 3
 #: Light is lost where the brightest element is less than this many sigma of darkness (Rose 1948: 5).
 LOST_SIGMA = 5.0
 #: Poses that explain readings equally well, in sigma: the nearer to the last one is taken.
-ALIKE_SIGMA = 1.0
+_ALIKE_SIGMA = 1.0
 #: Up to here another pose is not excluded (95 %): which of the two it is, these readings do not tell.
-AMBIGUOUS_SIGMA = 2.0
+_AMBIGUOUS_SIGMA = 2.0
 
 
 @dataclass(frozen=True)
@@ -76,12 +76,12 @@ class PoseEstimate:
 
     @property
     def fits(self) -> bool:
-        return not self.lost and not self.edge and self.probability >= UNLIKELY
+        return not self.lost and not self.edge and self.probability >= _UNLIKELY
 
     @property
     def ambiguous(self) -> bool:
-        """Another pose explains the readings as well, within `AMBIGUOUS_SIGMA`."""
-        return any(rival.sigma < AMBIGUOUS_SIGMA for rival in self.rivals)
+        """Another pose explains the readings as well, within `_AMBIGUOUS_SIGMA`."""
+        return any(rival.sigma < _AMBIGUOUS_SIGMA for rival in self.rivals)
 
     @property
     def status(self) -> str:
@@ -183,10 +183,10 @@ class Estimator:
             for x in (-0.5 * s.half_width_m, 0.5 * s.half_width_m)
             for y in (-0.5 * s.half_width_m, 0.5 * s.half_width_m)
         ]
-        poses = np.zeros((FIRST_STARTS, len(POSE)))
+        poses = np.zeros((_FIRST_STARTS, len(POSE)))
         poses[:, :3] = places
         sought = "roll" in self.names
-        poses[:, 5] = np.linspace(-0.5 * np.pi, 0.5 * np.pi, FIRST_STARTS) if sought else self.roll_rad
+        poses[:, 5] = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _FIRST_STARTS) if sought else self.roll_rad
         return poses
 
     def fit(self, readings: Array, starts: Array, again: int = 0) -> Minima:
@@ -234,9 +234,9 @@ class Estimator:
             last = np.where(np.isin(POSE, self.names), last, begin[0][0])
             begin.append(last[None])
         # On the way, ten times a second, what the last pose leads to is enough.
-        again = FIRST_STARTS if last is None or more_starts else 0
+        again = _FIRST_STARTS if last is None or more_starts else 0
         found = self.fit(readings, np.concatenate(begin), again)
-        best, k = float(found.chi2[0]), nearest_alike(found, last, ALIKE_SIGMA)
+        best, k = float(found.chi2[0]), nearest_alike(found, last, _ALIKE_SIGMA)
         pose, chi2 = found.poses[k], float(found.chi2[k])
         alone, total = bound_pair(self.model, pose, self.names, self.noise, self.nuisances)
         rivals = others(found, pose, best)

@@ -24,21 +24,21 @@ from lightfield.studies.follower.information import LEAST_INFORMATION
 from lightfield.studies.follower.pose_search import LONGEST_STEP, of_logarithms
 
 #: Draws of a round, and rounds at most; so many that count alike are enough: errors to some 7 %. Chosen.
-DRAWS, ROUNDS, ENOUGH = 600, 3, 100.0
+_DRAWS, _ROUNDS, _ENOUGH = 600, 3, 100.0
 #: Of fewer that count alike the errors would be found too small; those by slopes are told, of all minima.
-FEWEST = 20.0
+_FEWEST = 20.0
 #: Degrees of freedom of the draws, and their width over the errors by slopes: tails wider than those of what
 #: is drawn from (Geweke 1989, doi:10.2307/1913710). Chosen: effective draws were the most.
-FREEDOM, WIDER = 5.0, 1.5
+_FREEDOM, _WIDER = 5.0, 1.5
 #: Least eigenvalue of a correlation to draw with: what few draws have found has directions without width.
-LEAST = 1e-6
+_LEAST = 1e-6
 #: Steps of the search for what is not known besides the pose: it is nearly linear in the logarithm.
-STEPS = 3
+_STEPS = 3
 #: Where the error is this part of that of a pose that may be anywhere in the space, the reading told nothing.
-NOTHING = 0.9
+_NOTHING = 0.9
 #: Rolls farther than this from the best are another answer, and listed as one: an oval beam looks the same
 #: upside down, and a vehicle knows which way is up.
-UPRIGHT_RAD = 0.5 * np.pi
+_UPRIGHT_RAD = 0.5 * np.pi
 _UNIFORM_VARIANCE = 1 / 12
 
 
@@ -90,7 +90,7 @@ class Reading:
     def room(self) -> Array:
         """Variances of a pose that may be anywhere, shape (n,)."""
         low, high = (end[self.at] for end in self.box)
-        return np.asarray(_UNIFORM_VARIANCE * np.where(self._rolls, 2 * UPRIGHT_RAD, high - low) ** 2)
+        return np.asarray(_UNIFORM_VARIANCE * np.where(self._rolls, 2 * _UPRIGHT_RAD, high - low) ** 2)
 
     def spread_about(self, minima: Sequence[tuple[Array, float]], covariances: Sequence[Array]) -> Array:
         """Mean square distance of the pose from the first of some minima, shape (n, n), m and rad.
@@ -108,7 +108,7 @@ class Reading:
         spread = None if self.nuisances.keys() & LAMP_TILTS else self._drawn(minima, covariances)
         if spread is None:
             spread = self._by_slopes(minima, covariances)
-        lost = np.diag(spread) > NOTHING**2 * self.room
+        lost = np.diag(spread) > _NOTHING**2 * self.room
         spread[lost, :] = spread[:, lost] = 0.0
         spread[lost, lost] = np.inf
         return spread
@@ -122,7 +122,7 @@ class Reading:
             for (pose, _), one, part in zip(minima, covariances, parts / parts.sum(), strict=True)
         ]
         by = self._by_nuisances(np.array([pose for pose, _ in minima]))
-        for _ in range(ROUNDS):
+        for _ in range(_ROUNDS):
             drawn, origin = _draws(about, rng)
             apart = self._apart(drawn, best)
             weight = self._log_likelihood(drawn, best, by[origin]) - _log_density(drawn, about)
@@ -134,22 +134,22 @@ class Reading:
             weight /= weight.sum()
             spread = (weight[:, None, None] * apart[:, :, None] * apart[:, None, :]).sum(axis=0)
             effective = 1 / (weight**2).sum()
-            if effective >= ENOUGH:
+            if effective >= _ENOUGH:
                 break
             shift = weight @ apart
             found = self._wide_root(spread - np.outer(shift, shift))
             halved = [one._replace(part=0.5 * one.part) for one in about]
             about = [*halved, _Normal(best[self.at] + shift, found, 0.5)]
             by = np.concatenate([by, by[:1]])
-        return np.asarray(spread) if effective >= FEWEST else None
+        return np.asarray(spread) if effective >= _FEWEST else None
 
     def _wide_root(self, covariance: Array) -> Array:
         """Of a covariance to draw with: no coordinate wider than the space, no direction fixed."""
         inside = self._within(covariance)
         size = np.sqrt(np.maximum(np.diag(inside), np.finfo(float).eps * self.room))
         values, vectors = eigen(inside / np.outer(size, size))
-        root = vectors * np.sqrt(np.maximum(values, LEAST))
-        return np.asarray(WIDER * np.minimum(size, np.sqrt(self.room))[:, None] * root)
+        root = vectors * np.sqrt(np.maximum(values, _LEAST))
+        return np.asarray(_WIDER * np.minimum(size, np.sqrt(self.room))[:, None] * root)
 
     def _within(self, covariance: Array) -> Array:
         """A covariance, or the space's where it is infinite."""
@@ -168,7 +168,7 @@ class Reading:
         return np.where(self._rolls, wrapped(apart), apart)
 
     def _is_upright(self, apart: Array) -> Mask:
-        return np.asarray((~self._rolls | (np.abs(apart) <= UPRIGHT_RAD)).all(axis=1))
+        return np.asarray((~self._rolls | (np.abs(apart) <= _UPRIGHT_RAD)).all(axis=1))
 
     def _is_inside(self, drawn: Array) -> Mask:
         low, high = (end[self.at] for end in self.box)
@@ -196,12 +196,12 @@ class Reading:
         prior = np.maximum(stated, LEAST_INFORMATION)
         unknown = np.zeros((len(drawn), len(prior)))
         weight = 1 / self.variance
-        for step in range(STEPS + 1):
+        for step in range(_STEPS + 1):
             read = believed * np.exp(np.einsum("snk,sk->sn", by, unknown))
             slopes = read[..., None] * by
             curved = np.einsum("sni,n,snj->sij", slopes, weight, slopes) + np.diag(prior)
             left = self.values - read
-            if step < STEPS:
+            if step < _STEPS:
                 pull = np.einsum("sni,n,sn->si", slopes, weight, left) - prior * unknown
                 move = np.linalg.solve(curved, pull[..., None])[..., 0]
                 unknown += np.clip(move, -LONGEST_STEP, LONGEST_STEP)
@@ -212,9 +212,9 @@ class Reading:
 def _draws(about: Sequence[_Normal], rng: np.random.Generator) -> tuple[Array, NDArray[np.int_]]:
     """Poses, shape (s, n), and about which of the middles each was drawn."""
     parts = np.array([one.part for one in about])
-    origin = rng.choice(len(about), DRAWS, p=parts / parts.sum())
-    normal = rng.standard_normal((DRAWS, len(about[0].middle)))
-    tails = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, DRAWS))
+    origin = rng.choice(len(about), _DRAWS, p=parts / parts.sum())
+    normal = rng.standard_normal((_DRAWS, len(about[0].middle)))
+    tails = np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, _DRAWS))
     middles, roots = np.array([one.middle for one in about]), np.array([one.root for one in about])
     return middles[origin] + tails[:, None] * (roots[origin] @ normal[..., None])[..., 0], origin
 
@@ -224,6 +224,6 @@ def _log_density(drawn: Array, about: Sequence[_Normal]) -> Array:
     found = []
     for one in about:
         far = np.linalg.solve(one.root, (drawn - one.middle).T)
-        tail = 0.5 * (FREEDOM + len(one.middle)) * np.log1p((far**2).sum(axis=0) / FREEDOM)
+        tail = 0.5 * (_FREEDOM + len(one.middle)) * np.log1p((far**2).sum(axis=0) / _FREEDOM)
         found.append(np.log(one.part) - tail - np.linalg.slogdet(one.root)[1])
     return np.asarray(np.logaddexp.reduce(found, axis=0))

@@ -27,7 +27,7 @@ from lightfield.studies.follower.survey import array_of
 from lightfield.wording import minus
 
 #: Random starts that look for rivals of a pose.
-RIVAL_STARTS = 32
+_RIVAL_STARTS = 32
 #: Readings so many times brighter than the space allows are in another unit: the lamp's power, or the gain,
 #: is hardly known worse.
 _FAR_BRIGHTER = 10.0
@@ -268,7 +268,7 @@ def poses_of(
     else:
         estimates, last = [], None
         for one in light:
-            found = estimator.estimate(one, last, more_starts=RIVAL_STARTS, seed=seed)
+            found = estimator.estimate(one, last, more_starts=_RIVAL_STARTS, seed=seed)
             last = None if found.lost else found.pose
             estimates.append(found)
     silent = _silent(light, estimator, estimates)

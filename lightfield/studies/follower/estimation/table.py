@@ -15,7 +15,7 @@ from lightfield.errors import Complaint, MeasurementError
 from lightfield.storage.inputs import READINGS
 from lightfield.storage.tables import LARGEST, header_and_rows
 
-TIME = "time_s"
+_TIME = "time_s"
 #: Names of columns that look like an element's, or like times: taken for neither they would be lost unseen.
 _LIKE_ONE = re.compile(r"e\d+|t|time.*", re.IGNORECASE)
 
@@ -76,20 +76,20 @@ def _samples(
             f"column {missing[0]} is missing" if missing else "a column stands there twice",
             where=where,
             found=",".join(header)[:80],
-            rule=f"one column per element, e1 to e{elements}, and {TIME} if it is known",
+            rule=f"one column per element, e1 to e{elements}, and {_TIME} if it is known",
             remedy="name the columns in the first line, in the order of the array's elements: column by "
             "column in a grid, from the least x and y; ring by ring outwards; line by line of a table",
         )
-    if unknown := [name for name in header if name not in {TIME, *wanted} and _LIKE_ONE.fullmatch(name)]:
+    if unknown := [name for name in header if name not in {_TIME, *wanted} and _LIKE_ONE.fullmatch(name)]:
         raise MeasurementError(
             f"column {unknown[0]} is not one of this array's, or of times",
             where=where,
             found=",".join(unknown)[:80],
-            rule=f"one column per element, e1 to e{elements}, and {TIME} (seconds) if it is known",
-            remedy=f"a scene whose array has these; call times in seconds {TIME}; leave out the rest",
+            rule=f"one column per element, e1 to e{elements}, and {_TIME} (seconds) if it is known",
+            remedy=f"a scene whose array has these; call times in seconds {_TIME}; leave out the rest",
         )
-    timed = TIME in header
-    columns = [header.index(name) for name in ([TIME] if timed else []) + wanted]
+    timed = _TIME in header
+    columns = [header.index(name) for name in ([_TIME] if timed else []) + wanted]
     problems: list[Complaint] = []
     values: list[list[float]] = []
     for number, cells in rows:
@@ -103,14 +103,14 @@ def _samples(
         elif not np.nanmax(np.abs(row)) <= LARGEST or (timed and np.isnan(row[0])):
             problems.append(Complaint("not finite, or too large", lines=(number,)))
         elif timed and values and row[0] <= values[-1][0]:
-            wrong = f"{TIME} must rise above {values[-1][0]:g}"
+            wrong = f"{_TIME} must rise above {values[-1][0]:g}"
             problems.append(Complaint(wrong, row[0], lines=(number,)))
         values.append(row)
     if not problems and not values:
         problems.append(Complaint("no line with readings"))
     if problems:
         raise MeasurementError(
-            f"{len(problems)} bad line(s)", where=where, rule=f"finite numbers, {TIME} rising",
+            f"{len(problems)} bad line(s)", where=where, rule=f"finite numbers, {_TIME} rising",
             remedy="correct the table; leave the cells of a dead element empty", problems=problems,
         )  # fmt: skip
     found = np.array(values)

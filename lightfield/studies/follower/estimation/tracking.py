@@ -26,18 +26,18 @@ from lightfield.studies.follower.information import NOTHING_M
 
 #: Density of the white acceleration, (m/s^2)^2/Hz and (rad/s^2)^2/Hz: within a second a small vehicle's speed
 #: changes by about 0.2 m/s and its rates of turn by 10 degrees/s (chosen).
-AGILITY = np.array([0.2, 0.2, 0.2, *np.radians([10.0, 10.0, 10.0])]) ** 2
+_AGILITY = np.array([0.2, 0.2, 0.2, *np.radians([10.0, 10.0, 10.0])]) ** 2
 #: Standard deviation of rates that nothing is known of, m/s and rad/s (chosen).
-RATE_SIGMA = np.array([0.5, 0.5, 0.5, *np.radians([20.0, 20.0, 20.0])])
+_RATE_SIGMA = np.array([0.5, 0.5, 0.5, *np.radians([20.0, 20.0, 20.0])])
 #: A reading that is less probable than this, as the filter expects it, is not used (chosen).
-GATE = 1e-4
+_GATE = 1e-4
 #: After so many readings in a row that it did not use, the filter begins anew (chosen).
-MOST_REFUSED = 5
+_MOST_REFUSED = 5
 #: What does not average away is told as the mean of so many readings: each knows it roughly (chosen).
-MEMORY = 10
+_MEMORY = 10
 #: Time, s, in which gain and water forget what they were (Gauss-Markov; chosen: a minute. Unlike elements are
 #: no noise that a longer mean would take away).
-FORGOTTEN_S = 60.0
+_FORGOTTEN_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Filter:
         beside: Sequence[float] = (),
         considered: int = 0,
         *,
-        patience: int = MOST_REFUSED,
+        patience: int = _MOST_REFUSED,
     ) -> None:
         self.at = [POSE.index(name) for name in names]
         n, self._beside = len(self.at), np.array(beside, float)
@@ -138,10 +138,10 @@ class Filter:
 
     def predict(self, seconds: float) -> None:
         """Move the states on."""
-        n, kept = len(self.at), np.exp(-seconds / FORGOTTEN_S)
+        n, kept = len(self.at), np.exp(-seconds / _FORGOTTEN_S)
         move = block_diag(np.eye(2 * n), kept * np.eye(len(self._beside)))
         move[:n, n : 2 * n] = seconds * np.eye(n)
-        agility = np.diag(AGILITY[self.at])
+        agility = np.diag(_AGILITY[self.at])
         grown = block_diag(
             np.kron([[seconds**3 / 3, seconds**2 / 2], [seconds**2 / 2, seconds]], agility),
             (1 - kept**2) * np.diag(self._beside**2),
@@ -180,7 +180,7 @@ class Filter:
         innovation, used = np.full(len(found), np.nan), anew.copy()
         self.state[anew] = 0.0
         self.state[anew, :n] = measured[anew, :n]
-        nothing = np.concatenate([np.full(n, NOTHING_M), RATE_SIGMA[self.at], self._beside])
+        nothing = np.concatenate([np.full(n, NOTHING_M), _RATE_SIGMA[self.at], self._beside])
         self.covariance[anew], self._shared[anew] = np.diag(nothing**2), 0.0
         common = np.zeros_like(self._shared[:, at]) if common is None else common
         taken = np.flatnonzero(found & (self.known | anew))
@@ -198,7 +198,7 @@ class Filter:
             far = (apart * np.linalg.solve(spread, apart[..., None])[..., 0]).sum(axis=1)
             innovation[taken] = np.where(anew[taken], np.nan, far)
             likely = anew[taken] | (
-                chi2.sf(far / np.broadcast_to(leeway, len(found))[taken], len(at)) >= GATE
+                chi2.sf(far / np.broadcast_to(leeway, len(found))[taken], len(at)) >= _GATE
             )
             gain = np.swapaxes(np.linalg.solve(spread, np.swapaxes(both, 1, 2)), 1, 2)
             back = np.swapaxes(gain, 1, 2)
@@ -263,7 +263,7 @@ class Tracker:
             if before is None or not (np.isfinite(before).all() and np.isfinite(common).all()):
                 self._common = common
             else:
-                self._common = before + (common - before) / MEMORY
+                self._common = before + (common - before) / _MEMORY
         known = bool(one.known[0])
         pose, rate = (v[0] if known else np.full(len(POSE), np.nan) for v in (one.poses, one.rates))
         if known and "roll" not in self.estimator.names:
