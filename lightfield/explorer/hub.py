@@ -26,6 +26,8 @@ _MOST_WAITING = 1000
 _SENT_EVERY = 4
 #: Seconds of rest after which the errors of the shown map are worked out: they take half a second.
 _REST_S = 0.5
+#: Seconds after which a document looks again whether anything is still asked for.
+_MOMENT_S = 0.01
 _LIGHT = "light on the planes"
 _DEFECT = "a defect of the program: what it printed says more"
 
@@ -67,8 +69,6 @@ class Hub:
         self._loop = asyncio.get_running_loop()
         self._unsure = True  # the errors of the shown map are not sent yet
         self._errors: asyncio.Task[None] | None = None
-
-    # -- browsers ------------------------------------------------------------------------------
 
     def connect(self, browser: Browser) -> None:
         """A page is there: it gets everything that is known."""
@@ -127,8 +127,6 @@ class Hub:
     def _everyone(self, message: str | bytes) -> None:
         for browser in list(self.browsers):
             browser.send(message)
-
-    # -- work ----------------------------------------------------------------------------------
 
     async def run(self) -> None:
         """Begin, then answer for ever."""
@@ -264,10 +262,10 @@ class Hub:
             self._everyone(protocol.pack({"type": "errors", "plane": plane}, {"map_stderr": found}))
 
     async def make(self, document: Callable[[Session], Made]) -> Made:
-        """A document of the session."""
+        """A document of the session, with all that was asked for before."""
+        while self._waiting:
+            await asyncio.sleep(_MOMENT_S)
         return await self._do(partial(document, self.session))
-
-    # -- jobs ----------------------------------------------------------------------------------
 
     def _on_job(self, do: str) -> None:
         session = self.session

@@ -108,6 +108,26 @@ def test_a_verdict_of_former_readings_is_not_shown_for_new_ones(
     served(quick, what)
 
 
+def test_a_document_has_in_it_what_was_asked_for_before(quick: Session, monkeypatch) -> None:
+    """A file that is saved in the moment after a switch: the switch waits behind another one still."""
+    done, act = list[int](), quick.act
+
+    def slowly(request: object) -> None:
+        time.sleep(0.1)
+        act(request)
+        done.append(1)
+
+    quick.act = slowly
+
+    async def what(hub: Hub, page: Page) -> None:
+        for hwhm in (5.0, 6.0, 7.0):
+            page.ask("set", values={"lamp.hwhm_deg": hwhm}, done=True)
+        saved = await hub.make(lambda session: (len(done), session.now.values["lamp.hwhm_deg"]))
+        assert saved == (3, 7.0) and not page.errors
+
+    served(quick, what)
+
+
 def test_a_verdict_of_these_readings_is_shown(quick: Session, monkeypatch) -> None:
     monkeypatch.setattr(hubs, "diagnosed", beside_work.a_verdict)
 
