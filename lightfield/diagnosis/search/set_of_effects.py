@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,6 +10,8 @@ import numpy as np
 
 from lightfield.diagnosis.adequacy.amplifying import cost_of_amplifying
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
+from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.fitting.effects.registry import curves
 from lightfield.fitting.least_squares import Fit
@@ -38,23 +40,45 @@ class FittedSet:
         return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
 
     @cached_property
-    def at_edge(self) -> bool:
-        """Does an amplitude lie at a bound: no effect at all, or one beyond what is plausible?
+    def edges(self) -> set[str]:
+        """Paths of amplitudes that lie at a bound: no effect at all, or one beyond what is plausible.
 
         That an effect which the scene has is not there at all is an answer, not an edge.
         """
         found = self.fit.by_path
-        return not self.bounded.isdisjoint(
+        return self.bounded & {
             p.path
             for c in self.explanation
             for p, off in zip(c.amplitudes, c.neutral, strict=True)
             if not (c.is_stated and found[p.path] == off)
-        )
+        }
+
+    @cached_property
+    def at_edge(self) -> bool:
+        """Does an amplitude lie at an edge?"""
+        return bool(self.edges)
 
     @cached_property
     def chi2(self) -> float:
         """Of the fit, and what it would cost that its water must not amplify."""
         return self.fit.chi2 + cost_of_amplifying(self.fit)
+
+    def worse_without(self, some: Sequence[Candidate]) -> float:
+        """By how much chi-square is larger with some of its effects switched off, were the model linear."""
+        fit, own = self.fit, frozenset(p.path for c in some for p in c.parameters)
+        if own in self._worse:
+            return self._worse[own]
+        free = ~fit.at_bound() & [path not in own for path in fit.paths]
+        at = [fit.paths.index(p.path) for c in some for p in c.amplitudes]
+        off = np.array([n for c in some for n in c.neutral])
+        removed = fit.jacobian[:, at] @ (fit.u[at] - off)
+        left = beside(orthonormal(fit.jacobian[:, free], INDEPENDENT), (fit.residual + removed)[:, None])
+        self._worse[own] = max(float((left**2).sum()) - fit.chi2, 0.0)
+        return self._worse[own]
+
+    @cached_property
+    def _worse(self) -> dict[frozenset[str], float]:
+        return {}
 
     @property
     def parameters(self) -> int:

@@ -44,6 +44,12 @@ class Shape(NamedTuple):
     high: float
     is_g: bool = False
 
+    def nodes_for(self, scene: Scene) -> tuple[float, ...]:
+        """Where light is traced of a scene, ascending: also at its own value, where that lies beyond."""
+        own = float(scene.get(self.path))
+        within = self.nodes[0] + self.low <= own <= self.nodes[-1] + self.high
+        return self.nodes if within else tuple(sorted((*self.nodes, own)))
+
 
 #: By type of phase function.
 SHAPES = {

@@ -115,7 +115,8 @@ def traced_ratio(
     RenderError
         No photon was scattered to any of the places, or none can be.
     """
-    scene = in_colour(scene, REFERENCE_NM)  # beams of other colours have this ratio, too
+    # Beams of other colours have this ratio, too, and so has light that hardens: the tally knows neither.
+    scene = in_colour(scene, REFERENCE_NM).with_values({"water.hardening_per_m": 0.0}, validate=False)
     span, most = (float(z_m.min()), float(z_m.max())), _most(scene, x_m, y_m, z_m)
     black = scene
     if scene.tank is not None:

@@ -119,7 +119,7 @@ def response_for(
         )
     places = (np.asarray(x_m, float), np.asarray(y_m, float), np.asarray(z_m, float))
     shape = SHAPES.get(scene.water.phase.type)
-    nodes = () if shape is None else shape.nodes if g_nodes is None else tuple(sorted(g_nodes))
+    nodes = () if shape is None else shape.nodes_for(scene) if g_nodes is None else tuple(sorted(g_nodes))
     open_top = scene.surface_reflects
     reflected = ReflectedLight.at(scene, *places) if applies(scene) else None
     known = NEVER_SCATTERED if reflected is not None else ()
@@ -226,7 +226,9 @@ def _traced_scene(
     scene: Scene, width_deg: float, surface: bool, lamp_m: tuple[float, float] = (0.0, 0.0)
 ) -> Scene:
     """The scene with everything neutral that is reweighed afterwards."""
-    lamp = type(scene.lamp)(hwhm_deg=width_deg, offset_x_m=lamp_m[0], offset_y_m=lamp_m[1])
+    lamp = type(scene.lamp)(
+        hwhm_deg=width_deg, offset_x_m=lamp_m[0], offset_y_m=lamp_m[1], radius_m=scene.lamp.radius_m
+    )
     values: dict[str, Any] = {}
     if scene.tank:
         values |= {"tank.surface_reflectance": float(surface)}

@@ -138,11 +138,15 @@ class Weighing:
 
     def cost(self, node: FittedSet) -> float:
         """Chi-square and price of a set."""
-        return node.chi2 / self.phi + sum(self.pool.ground.price(c) for c in node.explanation)
+        return self.pool.ground.cost(node, self.phi)
 
     def above_unpriced(self, node: FittedSet) -> float:
         """The same with every parameter at one: parsimony does not count."""
-        return (node.chi2 - self.best.chi2) / self.phi + node.parameters - self.best.parameters
+        return self._unpriced(node) - self._unpriced(self.best)
+
+    def _unpriced(self, node: FittedSet) -> float:
+        gone, worse = self.pool.ground.needless(node, self.phi)
+        return (node.chi2 + worse) / self.phi + node.parameters - sum(len(c.parameters) for c in gone)
 
     def with_one_more(self, nodes: Iterable[FittedSet]) -> list[FittedSet]:
         """Those of some sets that have at most one effect more than the best."""
@@ -264,7 +268,7 @@ def _left(weighing: Weighing) -> float:
 
 
 def _at_edge(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
-    """Does an amplitude lie at a bound of what is plausible, or the beam or water that all effects act on?
+    """Does an amplitude lie at an edge of what is plausible, or the beam or water that all effects act on?
 
     Or another form of the same curve: what two of them make together, one beyond its range, is that curve.
     """
@@ -274,7 +278,7 @@ def _at_edge(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     # A curve and the width make up for each other, and are one beam: of the curve it is asked as it is.
     held = {p.path for p in candidate.amplitudes if candidate.name == BEAM_PROFILE}
     open_ = candidate.effect.of_direction and width_reaches_its_end(pool, node, held)
-    at_end = any(p.path in node.bounded for c in forms for p in c.amplitudes)
+    at_end = any(p.path in node.edges for c in forms for p in c.amplitudes)
     return at_end or open_ or WIDTH in node.bounded or absorbs_nothing(pool, node)
 
 

@@ -18,7 +18,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest, Score
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
-from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
 from lightfield.diagnosis.search.set_of_effects import FittedSet, SetKey
@@ -72,6 +72,37 @@ class Ground:
     @cached_property
     def _prices(self) -> dict[int, float]:
         return {}
+
+    @cached_property
+    def price_of_removal(self) -> float:
+        """Chi-square, in units of phi, that leaving out an effect which the scene states has to save.
+
+        Of one that is there with s sigma, leaving it out saves 2 s z - s^2 by noise z, and more than c most
+        often where s^2 = c: with the probability of z above the root of c.
+        """
+        stated = len({c.name for c in self.problem.candidates if c.is_stated})
+        return float(special.ndtri(1 - ALPHA / max(stated, 1)) ** 2)
+
+    def cost(self, node: FittedSet, phi: float) -> float:
+        """Chi-square in units of phi, plus the price of every effect."""
+        gone, worse = self.needless(node, phi)
+        left_out = {c.key for c in gone}
+        prices = (self.price_of_removal if c.key in left_out else self.price(c) for c in node.explanation)
+        return (node.chi2 + worse) / phi + sum(prices)
+
+    def needless(self, node: FittedSet, phi: float) -> tuple[Explanation, float]:
+        """Effects of a set that the scene states and the readings do as well without, and how much larger
+        chi-square is then: left out they take no parameters, and are the cheaper for it."""
+
+        def saved(some: Explanation) -> float:
+            prices = sum(self.price(c) - self.price_of_removal for c in some)
+            return prices - node.worse_without(some) / phi if some else 0.0
+
+        single = [(c,) for c in node.explanation if c.is_stated]
+        if not single:
+            return (), 0.0
+        gone = max(((), *single, tuple(c for (c,) in single if saved((c,)) > 0)), key=saved)
+        return gone, node.worse_without(gone) if gone else 0.0
 
     def price(self, candidate: Candidate) -> float:
         """Chi-square, in units of phi, that an effect has to save."""
@@ -142,7 +173,7 @@ class Pool:
 
     def cost(self, node: FittedSet) -> float:
         """Chi-square in units of the noise, plus the price of every effect."""
-        return node.chi2 / self.ground.phi + sum(self.ground.price(c) for c in node.explanation)
+        return self.ground.cost(node, self.ground.phi)
 
     def best(self, allowed: Admits | None = None) -> FittedSet:
         """The set of least cost, of allowed effects."""
@@ -209,6 +240,20 @@ class Pool:
             self._promises.pop(node.key, None)
             return self._remember(FittedSet(node.explanation, fit))
         return self.nodes[node.key]
+
+    def as_unstated(self, allowed: Admits) -> FittedSet:
+        """The set with all that the scene states, of allowed effects, from where it is switched off."""
+        stated: list[Candidate] = []
+        for c in self.problem.candidates:
+            others = [*stated, c]
+            if c.is_stated and allowed(c) and c.name not in {s.name for s in stated} and go_together(others):
+                stated = others
+        off = {p.path: n for c in stated for p, n in zip(c.amplitudes, c.neutral, strict=True)}
+        return (
+            self.finished(self.fit(stated, [Begin(off)]))
+            if self.affordable(stated)
+            else self.nodes[frozenset()]
+        )
 
     def anew(self, explanation: Iterable[Candidate]) -> None:
         """Fit a set from typical sizes of its effects, beside the scene's own values and those of the base

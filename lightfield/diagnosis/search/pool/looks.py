@@ -42,6 +42,9 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
     polish(pool, direct)
+    if (bare := pool.as_unstated(direct)) is not base:
+        forward(pool, bare, _BEAM, _FITS, direct)
+        polish(pool, direct)
     with_curve_of_lamp(pool)
     best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)

@@ -96,7 +96,8 @@ def _in_other_forms(
         above = weighing.above(other)
         if other.names == node.names and other.key != node.key and above <= FAMILY:
             own, theirs = node.fit.values, other.fit.values
-            there = {path: values[path] + theirs[path] - own[path] for path in theirs.keys() & own.keys()}
+            both = values.keys() & theirs.keys() & own.keys()  # of what is left out there are no shapes
+            there = {path: values[path] + theirs[path] - own[path] for path in both}
             stderr = {path: error for path, error in other.fit.stderr(phi).items() if path in there}
             out.append((float(np.exp(-0.5 * max(above, 0.0))), there, stderr))
     return out

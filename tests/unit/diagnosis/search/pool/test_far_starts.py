@@ -64,7 +64,7 @@ def test_a_lamps_curve_is_fitted_from_the_forms_that_stand_for_it() -> None:
         return a / (readings.stderr if a.ndim == 1 else readings.stderr[:, None])
 
     test = SimpleNamespace(problem=problem, whiten=whiten)
-    pool = Pool(SimpleNamespace(problem=problem, test=test, phi=1.0, price=lambda c: 10.0))
+    pool = Pool(Ground(test, 1.0, 80.0))
     plain = pool.finished(pool.fit((), [Begin({})]))
     forms = pool.finished(pool.fit((shape, skirt), [Begin({})]))
     assert plain.fit.chi2 > 10 * forms.fit.chi2
