@@ -33,7 +33,6 @@ from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting import effects
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.effects import Effect
-from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.fitting.effects.local import as_file, local_unknowns
 from lightfield.fitting.fitted_curves import (
     LAMP_TABLE,
@@ -43,6 +42,7 @@ from lightfield.fitting.fitted_curves import (
     save_spectrum,
 )
 from lightfield.fitting.forward import SceneForward
+from lightfield.fitting.least_squares import Fit
 from lightfield.fitting.light_source import beyond_table
 from lightfield.memory import give_back
 from lightfield.readings import Readings
@@ -115,6 +115,12 @@ class Diagnosis:
     def scene(self) -> Scene:
         """The fitted scene of the last rung."""
         return self.forward.scenes.at(self.steps[-1].fit.values)
+
+    @cached_property
+    def widest(self) -> Fit:
+        """The fit of the last rung with the largest forms of its curves."""
+        last = self.steps[-1]
+        return self.prepared.problem.with_largest_forms(last.explanation, last.fit, self.finding.whiten)
 
     @cached_property
     def sigma(self) -> Array:
@@ -231,12 +237,10 @@ class Diagnosis:
                 | {"scene": name}
             )
         last = self.steps[-1].fit
-        step, whiten = self.steps[-1], self.finding.whiten
-        beam = self.prepared.problem.with_largest_form(BEAM_PROFILE, step.explanation, last, whiten)
-        lamp = save_lamp(self.forward, beam, target, self.finding.level.phi)
+        lamp = save_lamp(self.forward, last, target, self.finding.level.phi, self.widest)
         spectrum = save_spectrum(self.forward, last, target)
         before -= {table.name for table in (lamp, spectrum) if table}
-        if curves := fitted_curves(self.forward, last, self.finding.level.phi):
+        if curves := fitted_curves(self.forward, last, self.finding.level.phi, self.widest):
             data = [curve.as_data() for curve in curves]
             write_text(target / CURVES, json.dumps(data, indent=2) + "\n")
             before.discard(CURVES)

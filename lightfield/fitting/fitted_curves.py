@@ -145,11 +145,13 @@ def changed_rms(forward: SceneForward, values: Mapping[str, float], field: str) 
     return float(np.sqrt(np.average(changed**2, weights=forward.scenes.curves.weight)))
 
 
-def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[FittedCurve, ...]:
-    """Every curve whose amplitudes a fit moves, with standard errors from the covariance of all it moves.
+def fitted_curves(
+    forward: SceneForward, fit: Fit, scale: float = 1.0, widest: Fit | None = None
+) -> tuple[FittedCurve, ...]:
+    """Every curve whose amplitudes a fit moves, with standard errors.
 
-    They hold the noise, not what is finer than the functions: near the axis of a ring that is read 4 degrees
-    apart a curve may be off by two of them, and far out, where a lamp gives a thousandth, by more.
+    They hold the noise of all that is moved, how far the curve with most functions lies from it, and what is
+    finer than these, see `_with_finer`: a cloud that is narrower than planes are apart is flatter in a curve.
 
     Parameters
     ----------
@@ -157,13 +159,15 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
         Whose readings made the functions of the curves.
     scale : float
         Variance of the readings in units of the whitening.
+    widest : Fit, optional
+        The same with as many functions of each curve as there are; else it has those.
     """
     curves = forward.scenes.curves
     moved = {field_of(path) for path in fit.paths} & _SHOWN.keys()
     if not moved:
         return ()
-    covariance = np.nan_to_num(fit.covariance(scale))
-    values = fit.values
+    widest = fit if widest is None else widest
+    covariance, values = _with_finer(widest, scale), fit.values
     flat = {k: v for k, v in values.items() if field_of(k) not in moved}
     out = []
     for field in (field for field in _SHOWN if field in moved):
@@ -171,12 +175,30 @@ def fitted_curves(forward: SceneForward, fit: Fit, scale: float = 1.0) -> tuple[
         place = curves.bases[field].place
         at = np.linspace(place[0], place[-1] / (BEYOND if field == PROFILE else 1.0), PLACES)
         at = place if field == PLANES else at
-        value, slopes = _with_slopes(forward, fit, shown, at)
-        stderr = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
+        value = shown(forward.scenes.at(values, validate=False), at)
+        wide, slopes = _with_slopes(forward, widest, shown, at)
+        variance = np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0)
+        stderr = np.sqrt(variance + (wide - value) ** 2)
         without = shown(forward.scenes.at(flat, validate=False), at)
         rms = changed_rms(forward, values, field)
         out.append(FittedCurve(field, coordinate, quantity, at, value, stderr, without, rms))
     return tuple(out)
+
+
+def _with_finer(fit: Fit, scale: float) -> Array:
+    """Covariance of what a fit moves, as if of curves over angle, distance and time two functions more were
+    as large as the last two.
+
+    They are counted as errors of these, which between them leave no place out.
+    """
+    covariance = np.nan_to_num(fit.covariance(scale))
+    for field in {field_of(path) for path in fit.paths} & {PROFILE, ABSORPTION, POWER}:
+        mine = {
+            int(path.rpartition(".")[2]): i for i, path in enumerate(fit.paths) if field_of(path) == field
+        }
+        last = [mine[k] for k in sorted(mine)[-2:]]
+        covariance[last, last] += float(np.sum(fit.u[last] ** 2))
+    return covariance
 
 
 def _with_slopes(
@@ -192,22 +214,29 @@ def _with_slopes(
     return value, slopes
 
 
-def _lamp_errors(forward: SceneForward, fit: Fit, scale: float, at_deg: Array, read_deg: float) -> Array:
+def _lamp_errors(
+    forward: SceneForward, fit: Fit, widest: Fit, scale: float, at_deg: Array, read_deg: float
+) -> Array:
     """What the intensity of a fitted lamp may be off by, over that on the axis: independent curves, (k, n).
 
     Beyond the last angle that was read it is a guess, which may be all wrong where the fit's curve ends.
     """
-    value, slopes = _with_slopes(forward, fit, _intensity, at_deg)
-    variance, directions = eigen(np.nan_to_num(fit.covariance(scale)))
+    value = _intensity(forward.scenes.at(fit.values, validate=False), at_deg)
+    wide, slopes = _with_slopes(forward, widest, _intensity, at_deg)
+    variance, directions = eigen(_with_finer(widest, scale))
     errors = slopes @ (directions * np.sqrt(np.maximum(variance, 0.0)))
     _, size, curves = np.linalg.svd(errors.T, full_matrices=False)
     kept = size > _HARDLY * size.max(initial=0.0)
     guess = value * np.clip((at_deg / read_deg - 1) / (BEYOND - 1), 0.0, 1.0)
-    return np.vstack([size[kept, None] * curves[kept], guess])
+    return np.vstack([size[kept, None] * curves[kept], wide - value, guess])
 
 
 def save_lamp(
-    forward: SceneForward, fit: Fit, folder: str | os.PathLike[str], scale: float = 1.0
+    forward: SceneForward,
+    fit: Fit,
+    folder: str | os.PathLike[str],
+    scale: float = 1.0,
+    widest: Fit | None = None,
 ) -> Path | None:
     """Write the beam profile of a fit as a lamp table (`profile = "table"`) with its errors.
 
@@ -219,6 +248,8 @@ def save_lamp(
         Gets lamp.csv.
     scale : float
         Variance of the readings in units of the whitening.
+    widest : Fit, optional
+        See `fitted_curves`.
 
     Raises
     ------
@@ -233,7 +264,7 @@ def save_lamp(
     remark = f"fitted to readings within {read_deg:.3g} deg of the axis; beyond it is a guess"
 
     def errors(at_deg: Array) -> Array:
-        return _lamp_errors(forward, fit, scale, at_deg, read_deg)
+        return _lamp_errors(forward, fit, fit if widest is None else widest, scale, at_deg, read_deg)
 
     path = output_file(Path(folder) / LAMP_TABLE, *forward.scenes.scene.tables)
     return save_intensity(forward.scenes.at(fit.values).lamp, to_deg, path, remark, errors)

@@ -85,16 +85,22 @@ class Problem:
         assert best is not None, "a fit needs a start"
         return best
 
-    def with_largest_form(self, effect: str, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
-        """A fit where it lies, with the largest form of one of its effects: more parameters, not yet moved.
+    def with_largest_forms(self, explanation: Explanation, fit: Fit, whiten: Whiten) -> Fit:
+        """A fit with the largest form of each of its curves, from where it lies; itself where it has none.
 
         What a smaller form leaves out is not known to be none: errors are those of the largest.
         """
-        forms = [c for c in (*self.candidates, *self.curves) if c.name == effect and not c.form.refines]
-        wide = tuple(
-            max((c, *forms), key=lambda f: len(f.parameters)) if c.name == effect else c for c in explanation
-        )
-        return self.fit(wide, whiten, [self.model(wide).at(fit.by_path)], max_steps=0)
+        wide = tuple(map(self._largest_form, explanation))
+        if not any(c.effect.is_free_form for c in wide):
+            return fit
+        return self.fit(wide, whiten, [self.model(wide).at(fit.by_path)])
+
+    def _largest_form(self, candidate: Candidate) -> Candidate:
+        """Of a curve; of all else the effect itself."""
+        if not candidate.effect.is_free_form:
+            return candidate
+        forms = (c for c in (*self.candidates, *self.curves) if c.name == candidate.name)
+        return max((candidate, *(c for c in forms if not c.form.refines)), key=lambda c: len(c.parameters))
 
     def rough(self, explanation: Explanation, whiten: Whiten, start: Array, max_steps: int) -> Fit:
         """A fit of a few steps, to a sample of many readings: its chi-square ranks it among its like."""

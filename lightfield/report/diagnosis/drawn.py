@@ -113,5 +113,5 @@ def view_of(found: Diagnosis) -> DiagnosisView:
             ("run on these readings", str(verdict.run)),
         ),
         found.scene.to_toml(),
-        fitted_curves(found.forward, found.steps[-1].fit, finding.level.phi),
+        fitted_curves(found.forward, found.steps[-1].fit, finding.level.phi, found.widest),
     )
