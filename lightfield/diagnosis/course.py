@@ -378,4 +378,5 @@ def _judged(known: Knowledge) -> Outcome:
     if also is not None:
         finding = also.widened(finding)
     finding = unnamed.in_errors(finding)
-    return Outcome(known.now(prepared, finding.open_beside_unknown()), trust, also)
+    variance = _unexplained_variance(prepared, finding) if prepared.errors_stated else 1.0
+    return Outcome(known.now(prepared, finding.open_beside_unknown(variance)), trust, also)

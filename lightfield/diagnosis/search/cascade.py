@@ -142,15 +142,23 @@ class SearchResult:
         tried = [best, *(t for t in self.tried if t is not best)]
         return replace(self, size=None, accepted=[], weights=[], tried=tried, in_part=True, many=many)
 
-    def open_beside_unknown(self) -> SearchResult:
+    def open_beside_unknown(self, variance: float) -> SearchResult:
         """The same, unexplained where the best set holds a local unknown: what is certain beside it is so as
-        far as an unexplained rest allows."""
+        far as an unexplained rest allows.
+
+        Parameters
+        ----------
+        variance : float
+            Of what is left, over that of the stated errors: what is more may be a part of the unknown that is
+            not described.
+        """
         many, first, unknown = self.many, self.accepted, self.unknown
         if self.closest is None or set(unknown).isdisjoint(self.closest.names):
             return replace(self, unknown=() if self.best is None else unknown)
         if many is not None:
             known = many.evidence if first else evidence(many.pool, many.best, adequate=False)
-            mine = [e.in_part() if first else e for e in known if e.candidate.name not in unknown]
+            left = max(1 - 1 / variance, 0.0) * (self.n - len(many.best.fit.u))
+            mine = [e.in_part(left) if first else e for e in known if e.candidate.name not in unknown]
             many = replace(many, adequate=False, evidence=mine)
         tried = [*first, *(t for t in self.tried if not any(t is one for one in first))]
         return replace(self, size=None, accepted=[], weights=[], tried=tried, many=many)

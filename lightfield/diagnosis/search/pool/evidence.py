@@ -91,9 +91,16 @@ class Evidence:
         """Is it the answer, or the simplest one?"""
         return self.level.is_claimed
 
-    def in_part(self) -> Evidence:
-        """The same where the set holds something of which only the place is known."""
-        return replace(self, level=Certainty.PARTIAL if self.level == Certainty.CERTAIN else Certainty.ONE_OF)
+    def in_part(self, left: float) -> Evidence:
+        """The same where the set holds something of which only the place is known.
+
+        Parameters
+        ----------
+        left : float
+            Chi-square that the set leaves beyond the stated errors, in the unit of the gaps.
+        """
+        sure = self.level == Certainty.CERTAIN and min(self.gap, self.gap_named) > _PARTIAL * left
+        return replace(self, level=Certainty.PARTIAL if sure else Certainty.ONE_OF)
 
     def against(self, weighing: Weighing, rival: FittedSet) -> Evidence:
         """The same of a claimed effect where one more set does without it."""

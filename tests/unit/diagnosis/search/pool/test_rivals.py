@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 from scipy import stats
 from toy_pool import pool_of, toy
+from toy_problem import candidate
 
+from lightfield.diagnosis.certainty import Certainty
+from lightfield.diagnosis.search.pool.evidence import Evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
@@ -55,3 +58,15 @@ def test_the_best_set_without_an_effect_is_that_of_all_there_are() -> None:
         found = pool.best(lambda other: other.name != "odd")
         assert pool.cost(found) == pytest.approx(costs[frozenset(found.names)], abs=0.1)
         assert pool.cost(found) == pytest.approx(min(costs.values()), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("left", "level"), [(0.0, Certainty.PARTIAL), (1.0, Certainty.PARTIAL), (41.0, Certainty.ONE_OF)]
+)
+def test_beside_an_unknown_that_leaves_more_than_the_errors_a_gap_has_to_be_larger(
+    left: float, level: Certainty
+) -> None:
+    """A drift of the lamp, gap 12, was certain beside a step in time that stood for a jump of the absorption
+    and left 1.75 times the variance of the errors: 41 in chi-square of 105 readings."""
+    drift = Evidence(candidate("odd"), Certainty.CERTAIN, 10.5, 12.4, 12.4, 20.0, None, (), None, 1.0)
+    assert drift.in_part(left).level == level
