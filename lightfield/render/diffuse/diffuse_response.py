@@ -41,6 +41,11 @@ _EVERY_CLASS, SCATTERED, REFLECTED = range(CLASSES), range(1), range(1, CLASSES)
 _FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, _REFLECTED_ERROR = 0.01, 0.005
+#: The same of what is taken to do to light from walls what it does to other light: of how much a floor that
+#: is no wall changes scattered light, and layers all of it.
+_GUESSED_ERROR = 0.3
+#: Where on a line it is asked what layers did so far. Chosen: a gradient is furthest in the middle.
+_ON_THE_WAY = (0.25, 0.5, 0.75, 1.0)
 
 
 @dataclass(frozen=True)
@@ -154,7 +159,8 @@ class DiffuseResponse:
         """
         a, b = self._coefficients(scene.water, scene, wavelengths_nm)
         mine = channel, np.arange(len(channel))
-        light, often = np.zeros((2, len(channel)))
+        light, often, guessed = np.zeros((3, len(channel)))
+        dimmed = self.shift.pick(self._changed_by_layers(scene)) if is_layered(scene.water) else 0.0
         modes = [np.zeros((len(channel), 0), np.float32)]
         shift = self.shift.seen_from(scene.lamp.offset_x_m, scene.lamp.offset_y_m)
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
@@ -170,11 +176,18 @@ class DiffuseResponse:
             light += own
             uncertain = sum((part.uncertain for part in parts.values()), np.zeros_like(in_cells))
             often += (share[:, None] * self._at_readings(scene, a + b, uncertain))[mine]
+            by_floor = share[:, None] * self._by_floor(scene, a + b, parts)
+            from_walls = {kind: part for kind, part in parts.items() if kind in FROM_WALLS}
+            seen = self._at_readings(scene, a + b, self._in_cells(from_walls, len(a)))
+            guessed += (np.abs(by_floor) + share[:, None] * seen * dimmed)[mine]
         smooth = SCATTERED_ERROR * light + often
         if REFLECTED[0] in kinds:
-            smooth += _REFLECTED_ERROR * self._unscattered(scene, a + b)[mine]
+            straight = self._unscattered(scene, a + b)
+            guessed += (straight * dimmed)[mine]
+            smooth += _REFLECTED_ERROR * straight[mine]
             if self.reflected is not None and scene.tank is not None and scene.tank.slope > 0:
                 smooth += self.reflected.uncertain(scene, a + b)[mine]
+        smooth += _GUESSED_ERROR * guessed
         return np.hstack(modes) if len(modes) > 2 else modes[-1], smooth
 
     def with_denser(self, other: DiffuseResponse) -> DiffuseResponse:
@@ -232,10 +245,18 @@ class DiffuseResponse:
         more = self.reflected.by_floor(scene, attenuation) - 1.0
         return more * self._at_readings(scene, attenuation, self._in_cells(walls, len(attenuation)))
 
-    def _through_layers(self, scene: Scene) -> Array:
-        """What layers let through on the straight lines to the cells, shape (n_cells,)."""
+    def _through_layers(self, scene: Scene, part: float = 1.0) -> Array:
+        """What layers let through on the straight lines to the cells, or a part of them, shape (n_cells,)."""
         y, z = self.shift.cell_y_m, self.shift.cell_z_m
-        return np.exp(-layers_depth(scene.water, z, self.straight_m, 0.5 * y))
+        return np.exp(-layers_depth(scene.water, part * z, part * self.straight_m, 0.5 * part * y))
+
+    def _changed_by_layers(self, scene: Scene) -> Array:
+        """The largest part of the light that they take, or spare, up to anywhere on these lines, (n_cells,).
+
+        To a cell they may take nothing, and yet something to the walls: as much before its middle as they
+        spare behind it.
+        """
+        return np.max([np.abs(1 - self._through_layers(scene, part)) for part in _ON_THE_WAY], axis=0)
 
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
