@@ -37,7 +37,7 @@ def everything(candidate: Candidate) -> bool:
 
 
 def first(pool: Pool, _: FittedSet) -> FittedSet:
-    """From the base model: the best named set, then the best of all."""
+    """From the base model, and from the scene without what it states: the best named set, then of all."""
     base = pool.nodes[frozenset()]
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
