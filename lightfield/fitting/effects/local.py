@@ -1,4 +1,4 @@
-"""Local unknowns: a dip across the beam, a plume, a step or a ripple in time, ripples over the angle; few
+"""Local unknowns: a dip across the beam, a plume, a step, a dip or a ripple in time, ripples over angles; few
 numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
@@ -80,6 +80,19 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             physics="All light changes from one level to another while the scan runs.",
             laboratory="Repeat a reference position every few minutes; ask what was switched then.",
         )
+        yield OwnEffect(
+            name="dip_in_time",
+            family=FAMILY,
+            stage="source",
+            formula="1 - depth*exp(-((time - time0)/duration)**2)",
+            parameters={
+                "depth": _size(),
+                "time0": _within("s", time, "its middle"),
+                "duration": _between("s", span / len(time), _WIDEST_PART * span, "its half width at 1/e"),
+            },
+            physics="For a while all light is dimmer (or brighter): a bubble on a window, fish that pass.",
+            laboratory="Read those places again; watch the window of lamp and receiver.",
+        )
         if periods_s := ripple_periods_s(time):
             yield _ripple(
                 "ripple_in_time", "source", "time", "s", periods_s,
@@ -123,7 +136,8 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
 
 #: Along what each of them is drawn.
 ALONG = {
-    "dip_in_x": "x", "dip_in_y": "y", "plume": "x", "step_in_time": "time", "ripple_over_angle": "angle",
+    "dip_in_x": "x", "dip_in_y": "y", "plume": "x", "step_in_time": "time",
+    "dip_in_time": "time", "ripple_over_angle": "angle",
     "ripple_at_receiver": "angle", "ripple_in_time": "time",
 }  # fmt: skip
 

@@ -87,6 +87,11 @@ def jump(table: Readings) -> np.ndarray:
     return np.asarray(np.where(table.time_s > 0.6 * table.time_s.max(), 0.93, 1.0))
 
 
+def bubble(table: Readings) -> np.ndarray:
+    """A fifth less for some minutes."""
+    return 1 - 0.2 * np.exp(-(((table.time_s - 900.0) / 120.0) ** 2))
+
+
 def hum(table: Readings) -> np.ndarray:
     return np.asarray(1 + 0.03 * np.sin(2 * np.pi * table.time_s / 420.0))
 
@@ -101,6 +106,7 @@ def rings(table: Readings) -> np.ndarray:
     [
         (shade, "dip_in_x", {"depth": DEPTH, "x0": PLACE_M, "width": WIDTH_M}),
         (jump, "step_in_time", {"size": -0.07}),
+        (bubble, "dip_in_time", {"depth": 0.2, "time0": 900.0, "duration": 120.0}),
         (hum, "ripple_in_time", {"a": 0.0, "b": 0.03, "period": 420.0}),
         (rings, "ripple_over_angle", {"a": 0.04 * np.sin(0.4), "b": 0.04 * np.cos(0.4), "period": 1.7}),
         (rings, "ripple_at_receiver", {"a": 0.04 * np.sin(0.4), "b": 0.04 * np.cos(0.4), "period": 1.7}),
@@ -120,7 +126,8 @@ def test_local_unknowns_are_found_where_they_are(hidden, name: str, true: dict[s
 
 #: Of readings along x at several distances, with times.
 NAMES = [
-    "dip_in_x", "step_in_time", "ripple_in_time", "plume", "ripple_over_angle", "ripple_at_receiver",
+    "dip_in_x", "step_in_time", "dip_in_time", "ripple_in_time", "plume", "ripple_over_angle",
+    "ripple_at_receiver",
 ]  # fmt: skip
 
 
