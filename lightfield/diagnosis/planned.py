@@ -20,7 +20,7 @@ from lightfield.scene import Scene
 #: Readings of so much of the brightest light tell in which unit a table is. Chosen: a scene may miss others.
 _BRIGHT = 0.1
 #: Seed of the trace of scattered light. Chosen: another than a diagnosis has.
-_SEED = 7000
+_SEED = 8000
 
 
 def planned(readings: Readings, forward: SceneForward) -> Readings:

@@ -65,19 +65,22 @@ class FittedSet:
 
     def worse_without(self, some: Sequence[Candidate]) -> float:
         """By how much chi-square is larger with some of its effects switched off, were the model linear."""
-        fit, own = self.fit, frozenset(p.path for c in some for p in c.parameters)
-        if own in self._worse:
-            return self._worse[own]
+        keys = frozenset(c.key for c in some)
+        if keys not in self._worse:
+            self._worse[keys] = max(self.worse_at(some, [n for c in some for n in c.neutral]), 0.0)
+        return self._worse[keys]
+
+    def worse_at(self, some: Sequence[Candidate], u: Sequence[float]) -> float:
+        """The same with the amplitudes of some effects at these coordinates, and no shapes of them."""
+        fit, own = self.fit, {p.path for c in some for p in c.parameters}
         free = ~fit.at_bound() & [path not in own for path in fit.paths]
         at = [fit.paths.index(p.path) for c in some for p in c.amplitudes]
-        off = np.array([n for c in some for n in c.neutral])
-        removed = fit.jacobian[:, at] @ (fit.u[at] - off)
-        left = beside(orthonormal(fit.jacobian[:, free], INDEPENDENT), (fit.residual + removed)[:, None])
-        self._worse[own] = max(float((left**2).sum()) - fit.chi2, 0.0)
-        return self._worse[own]
+        moved = fit.jacobian[:, at] @ (fit.u[at] - np.asarray(u))
+        left = beside(orthonormal(fit.jacobian[:, free], INDEPENDENT), (fit.residual + moved)[:, None])
+        return float((left**2).sum()) - fit.chi2
 
     @cached_property
-    def _worse(self) -> dict[frozenset[str], float]:
+    def _worse(self) -> dict[SetKey, float]:
         return {}
 
     @property

@@ -42,7 +42,8 @@ _FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, _REFLECTED_ERROR = 0.01, 0.005
 #: The same of what is taken to do to light from walls what it does to other light: of how much a floor that
-#: is no wall changes scattered light, and layers all of it.
+#: is no wall changes scattered light, and layers all of it. Measured: 0.1 to 0.5 of it between walls of 0.7
+#: and 0.8 (test_floor.py has two of these tanks).
 _GUESSED_ERROR = 0.3
 #: Where on a line it is asked what layers did so far. Chosen: a gradient is furthest in the middle.
 _ON_THE_WAY = (0.25, 0.5, 0.75, 1.0)

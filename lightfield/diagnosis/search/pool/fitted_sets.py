@@ -17,7 +17,6 @@ from scipy import special
 from lightfield.arrays import Array
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest, Score
-from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
@@ -249,11 +248,9 @@ class Pool:
             if c.is_stated and allowed(c) and c.name not in {s.name for s in stated} and go_together(others):
                 stated = others
         off = {p.path: n for c in stated for p, n in zip(c.amplitudes, c.neutral, strict=True)}
-        return (
-            self.finished(self.fit(stated, [Begin(off)]))
-            if self.affordable(stated)
-            else self.nodes[frozenset()]
-        )
+        if not self.affordable(stated):
+            return self.nodes[frozenset()]
+        return self.finished(self.fit(stated, [Begin(off)]))
 
     def anew(self, explanation: Iterable[Candidate]) -> None:
         """Fit a set from typical sizes of its effects, beside the scene's own values and those of the base
@@ -332,12 +329,7 @@ class Pool:
 
     def promised_without(self, node: FittedSet, candidate: Candidate) -> float:
         """What a set would cost without one of its effects, were the model linear."""
-        fit, own = node.fit, {p.path for p in candidate.parameters}
-        free = ~fit.at_bound() & [path not in own for path in fit.paths]
-        at = [fit.paths.index(p.path) for p in candidate.amplitudes]
-        removed = fit.jacobian[:, at] @ (fit.u[at] - [p.start for p in candidate.amplitudes])
-        left = beside(orthonormal(fit.jacobian[:, free], INDEPENDENT), (fit.residual + removed)[:, None])
-        more = float((left**2).sum()) - fit.chi2
+        more = node.worse_at((candidate,), [p.start for p in candidate.amplitudes])
         return self.cost(node) + more / self.ground.phi - self.ground.price(candidate)
 
 
