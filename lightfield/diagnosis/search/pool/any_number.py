@@ -342,7 +342,7 @@ def _answered(now: _Standing) -> Many:
         if other is now:
             break
         now = other.after(looks.around)
-    now = now.after(Pool.exact)
+    now = now.after(looks.to_the_end)
     if now.passes:
         now = now.after(lambda pool, best: the_answer(pool, best, now.asked.alpha))
     return now.told(evidence(now.pool, now.best, now.passes))

@@ -163,6 +163,7 @@ class Pool:
     _scores: dict[SetKey, tuple[tuple[Score, ...], tuple[Array, ...]]] = field(default_factory=dict)
     _promises: dict[SetKey, list[Promise]] = field(default_factory=dict)
     _finished: set[SetKey] = field(default_factory=set)
+    _dropped: dict[tuple[SetKey, SetKey], Fit] = field(default_factory=dict)
     _lowest: float = float("inf")
     progress: Callable[[FittedSet], None] = lambda best: None
 
@@ -261,11 +262,18 @@ class Pool:
         stated = np.array([p.start for p in problem.base])
         starts = [problem.default_start(u, whole) for u in (stated, base)]
         begins = [Begin(dict(zip(paths, start, strict=True))) for start in starts]
-        fit = min((self._quick(whole, begin, _STEPS) for begin in begins), key=lambda f: f.chi2)
-        made = FittedSet(whole, fit)
+        self._remember_if_better(whole, begins)
+
+    def _remember_if_better(self, whole: Explanation, begins: Iterable[Begin]) -> None:
+        """Fit a set from some places, and keep what is better than what is remembered of it."""
+        made = FittedSet(
+            whole, min((self._quick(whole, begin, _STEPS) for begin in begins), key=lambda f: f.chi2)
+        )
         known = self.nodes.get(made.key)
-        if known is None or fit.chi2 < known.fit.chi2 - _ELSEWHERE * self.ground.phi:
+        if known is None or self.is_lower(made.fit, known.fit):
             self._finished.discard(made.key)
+            self._scores.pop(made.key, None)
+            self._promises.pop(made.key, None)
             self._remember(made)
 
     def exact(self, node: FittedSet) -> FittedSet:
@@ -274,6 +282,10 @@ class Pool:
         return self._remember(
             FittedSet(node.explanation, self.problem.fit(node.explanation, whiten, [node.fit.u]))
         )
+
+    def is_lower(self, fit: Fit, before: Fit) -> bool:
+        """Is a fit of a set better than another one of it, by more than where a fit ends?"""
+        return fit.chi2 < before.chi2 - _ELSEWHERE * self.ground.phi
 
     def affordable(self, candidates: Iterable[Candidate]) -> bool:
         """May a set still be fitted? Scattered and reflected light takes its time."""
@@ -323,9 +335,22 @@ class Pool:
         return self.fit((*promise.node.explanation, candidate), begins)
 
     def drop(self, node: FittedSet, candidate: Candidate) -> FittedSet:
-        """The set without one of its effects."""
+        """The set without one of its effects.
+
+        What was fitted before may lie in another valley, in which the effect counts for more than it does:
+        where the model promises less, it is fitted from here too.
+        """
         rest = tuple(c for c in node.explanation if c is not candidate)
-        return self.fit(rest, [begin_at(node)], self.promised_without(node, candidate))
+        promised = self.promised_without(node, candidate)
+        known = self.fit(rest, [begin_at(node)], promised)
+        way, lower = (
+            (node.key, known.key),
+            self._is_near(promised) and self.cost(known) > promised + _ELSEWHERE,
+        )
+        if lower and (way not in self._dropped or self.is_lower(node.fit, self._dropped[way])):
+            self._dropped[way] = node.fit
+            self._remember_if_better(known.explanation, [begin_at(node)])
+        return self.nodes[known.key]
 
     def promised_without(self, node: FittedSet, candidate: Candidate) -> float:
         """What a set would cost without one of its effects, were the model linear."""

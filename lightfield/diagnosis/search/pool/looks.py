@@ -147,3 +147,15 @@ def beside_rivals(pool: Pool, best: FittedSet) -> FittedSet:
 def around(pool: Pool, _: FittedSet) -> FittedSet:
     """By single moves alone."""
     return polish(pool, everything)
+
+
+def to_the_end(pool: Pool, best: FittedSet) -> FittedSet:
+    """By derivatives of its own; where it lies lower by them, what it is without one of its effects too."""
+    exact = pool.exact(best)
+    if pool.is_lower(exact.fit, best.fit):
+        for candidate in exact.explanation:
+            if pool.affordable(c for c in exact.explanation if c is not candidate):
+                pool.finished(pool.drop(exact, candidate))
+        if pool.best() is not exact:
+            return to_the_end(pool, pool.best())
+    return exact
