@@ -73,10 +73,10 @@ def short(value: float, digits: int) -> str:
 def exactly(one: Estimate) -> str:
     """A value with its error, or why there is none: to look it up."""
     error = f"({one.reason})" if one.stderr is None else f"± {short(one.stderr, 2)}"
-    return in_unit(f"{one.value:.4g} {error}", one.unit)
+    return in_unit(f"{short(one.value, 4)} {error}", one.unit)
 
 
 def roughly(one: Estimate) -> str:
     """A value with its error, if any: to read on."""
     error = "" if one.stderr is None else f" ± {short(one.stderr, 1)}"
-    return in_unit(f"{one.value:.3g}{error}", one.unit)
+    return in_unit(f"{short(one.value, 3)}{error}", one.unit)

@@ -26,6 +26,7 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
+from lightfield.diagnosis.verdict.rest.located import located
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.effects.local import ALONG, AMPLITUDES
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -80,7 +81,8 @@ def left_over(prepared: Prepared, finding: SearchResult, readings: Readings) -> 
         if share > _LEAST_REMOVED_PERCENT:
             passes = bool(pool.ground.test(made.fit).passes(ALPHA))
             beside = sorted(n for n in made.names if n != name)
-            record = _record(pool.problem, made.fit, beside, name, share, noise, passes)
+            whiten = pool.ground.test.whiten
+            record = _record(pool.problem, made.fit, whiten, beside, name, share, noise, passes)
             out.append(Local(record, made.explanation, made.fit))
     return out
 
@@ -104,7 +106,7 @@ def _of_set(problem: Problem, one: ScoredSet, name: str, whiten: Whiten) -> Loca
     left = max(without.chi2 - phi * max(int(problem.keep.sum()) - len(fit.u), 1), TINY)
     share = 100 * (without.chi2 - fit.chi2) / left
     beside, passes = sorted(c.name for c in rest), one.adequacy.passes(ALPHA)
-    record = _record(problem, fit, beside, name, share, phi, passes)
+    record = _record(problem, fit, whiten, beside, name, share, phi, passes)
     return Local(record, one.explanation, fit)
 
 
@@ -152,14 +154,25 @@ def _fitting(whole: Pool, node: FittedSet, kept: Candidate, known: Explanation) 
 
 
 def _record(
-    problem: Problem, fit: Fit, beside: list[str], name: str, share: float, phi: float, adequate: bool
+    problem: Problem,
+    fit: Fit,
+    whiten: Whiten,
+    beside: list[str],
+    name: str,
+    share: float,
+    phi: float,
+    adequate: bool,
 ) -> LeftOver:
     forward = problem.forward
     own = next(e for e in forward.scene.effect if e.name == name)
     scale = max(phi, fit.chi2 / max(int(problem.keep.sum()) - len(fit.u), 1))
     told = estimates(fit, scale, units_of(forward.scene))
     prefix = f"effect.{name}."
-    mine = {path.removeprefix(prefix): e for path, e in told.items() if path.startswith(prefix)}
+    mine = {
+        path.removeprefix(prefix): located(problem, fit, whiten, scale, path, one)
+        for path, one in told.items()
+        if path.startswith(prefix)
+    }
     at, places = _along(ALONG[name], forward.readings)
     factor, stderr = _curve(own, fit, scale, places)
     read_at, read = _read(problem, forward.readings, fit, name)

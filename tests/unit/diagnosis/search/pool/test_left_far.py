@@ -67,6 +67,22 @@ def test_a_set_that_is_far_stays_as_it_was_left() -> None:
     assert pool.drop(larger, by["odd"]) is far and pool.fits == spent
 
 
+def test_a_set_that_ended_in_another_valley_is_fitted_from_where_a_larger_one_lies() -> None:
+    """Else what the larger one has more stands for the way out: a layer of water, in part, for a step in time
+    that had been fitted between two other readings without it."""
+    made, problem, by = with_scattering(odd=30.0, fringe=30.0)
+    pool = pool_of(made, problem)
+    larger = pool.finished(pool.fit((by["odd"], by["fringe"], by["fan"]), [Begin({})]))
+    true = pool.finished(pool.fit((by["odd"], by["fringe"]), [Begin({})]))
+    known = true.fit.by_path
+    astray = problem.model(true.explanation).at({**known, "toy.odd": 0.8 * known["toy.odd"]})
+    there = problem.fit(true.explanation, pool.ground.test.whiten, [astray], max_steps=0)
+    pool.nodes[true.key] = FittedSet(true.explanation, there)
+    assert pool.best() is larger
+    assert pool.drop(larger, by["fan"]).fit.chi2 == pytest.approx(true.fit.chi2, abs=0.05)
+    assert pool.best().names == {"odd", "fringe"}
+
+
 def test_an_effect_that_a_rival_holds_for_nothing_is_taken_from_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A set of the campaigns was called by walls, in whose light a saturation had been met: the true set was
     theirs less the walls, 7 cheaper than the best, and had never been fitted."""
