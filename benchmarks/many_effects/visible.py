@@ -48,7 +48,7 @@ def deltas(
             {name: value for name, value in truth.values if name in ("lamp.profile", "lamp.intensity_table")}
         )
     curve = ("beam_profile",) if trial.lamp else ()
-    whole = _Fits(lit, readings, known, sigma_of(known), [*truth.hidden, *curve])
+    whole = Fits(lit, readings, known, sigma_of(known), [*truth.hidden, *curve])
     values = dict(truth.values)
     left = whole.chi2(truth.hidden, values)
     delta = {
@@ -57,14 +57,14 @@ def deltas(
     }
     out: dict[str, Any] = {"delta": delta, "left_sigma": float(np.sqrt(left))}
     if trial.lamp or truth.unknown:
-        other = _Fits(
+        other = Fits(
             believed, readings, clean, sigma_of(clean), [*truth.hidden, *(BEAM_FORMS if trial.lamp else ())]
         )
         out["delta_other"] = float(np.sqrt(max(other.chi2(truth.hidden, values), 0.0)))
     return out
 
 
-class _Fits:
+class Fits:
     """Fits of hidden effects to noise-free readings."""
 
     def __init__(

@@ -17,11 +17,12 @@ from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.followed import FollowedLight
 from lightfield.render.diffuse.ratio import Ratio, traced_ratio
 from lightfield.scene import Scene
-from lightfield.scene.water.coefficients import scattering_per_m
+from lightfield.scene.water.coefficients import molecular_per_m, scattering_per_m
 
 #: Photons of a first trace. Chosen: time against precision.
 PHOTONS = 1e6
-#: Water that scatters less, in 1/m, is clear. Derived: of that many photons a thousand are scattered on 10 m.
+#: Water whose particles scatter less, in 1/m, is clear: of what molecules scatter hardly any comes to
+#: readings in a beam. Derived: of that many photons a thousand are scattered on 10 m.
 _CLEAR_PER_M = 1e-4
 
 
@@ -49,8 +50,9 @@ def _turbid(problem: Problem, fit: Fit) -> Scene | None:
     if light.diffuse.trace is None:
         return None
     scene = light.scenes.at(fit.values, validate=False)
-    most = float(scattering_per_m(scene.water, light.diffuse.wavelengths_nm).max())
-    return scene if most > _CLEAR_PER_M else None
+    waves = light.diffuse.wavelengths_nm
+    by_particles = scattering_per_m(scene.water, waves) - molecular_per_m(scene.water, waves)
+    return scene if float(by_particles.max()) > _CLEAR_PER_M else None
 
 
 def is_followed(problem: Problem, values: Mapping[str, float]) -> bool:
