@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,21 +50,37 @@ class _Ways:
         arriving, light, in_water = image_of_lamp(lamp, top_m, self.places)
         return light * receiver.response(self.scene.detector, list(arriving.T)), in_water
 
-    def _smeared_of(self, lamp: Lamp, slope_deg: float) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Light by way of each facet of the waves without attenuation, and its way in water, of one facet and
-        of two in a row, for unit reflectance of each; (n, k)."""
+    def _smeared_of(self, lamp: Lamp, slope_deg: float) -> list[_Facets]:
+        """Light by way of the waves, of one facet and of two in a row, for unit reflectance of each."""
         assert self.scene.tank is not None
         tank = self.scene.tank.model_copy(update={"surface_slope_deg": slope_deg, "surface_reflectance": 1.0})
         return [self._read(glitter(lamp, tank, self.places)), self._read(twice(lamp, tank, self.places))]
 
-    def _read(self, parts: Iterable[Glitter]) -> tuple[np.ndarray, np.ndarray]:
+    def _read(self, parts: Iterable[Glitter]) -> _Facets:
         """What the detector reads of the light at some of the places after the others."""
-        detector, found = self.scene.detector, []
-        for some in parts:
-            response = receiver.response(detector, list(np.moveaxis(some.arriving, -1, 0)))
-            found.append((some.light * response, some.in_water))
-        light, in_water = (np.concatenate(column) for column in zip(*found, strict=True))
-        return light, in_water
+        found = [
+            (
+                some.place,
+                some.light * receiver.response(self.scene.detector, list(some.arriving)),
+                some.in_water,
+            )
+            for some in parts
+        ]
+        return _Facets(len(self.places), *(np.concatenate(column) for column in zip(*found, strict=True)))
+
+
+class _Facets(NamedTuple):
+    """Light that facets send to n places, without attenuation: to which, how much, its way in water; (k,)."""
+
+    n: int
+    place: np.ndarray
+    light: np.ndarray
+    in_water: np.ndarray
+
+    def through(self, attenuation_per_m: float) -> np.ndarray:
+        """What comes through water, shape (n,)."""
+        arrived = self.light * np.exp(-attenuation_per_m * self.in_water)
+        return np.bincount(self.place, arrived, self.n)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +152,8 @@ class ReflectedLight:
         if tank.slope > 0:
             once, again = self.ways.smeared(lamp, tank.surface_slope_deg)
             # One water at a time: there are thousands of facets for each place.
-            each = [
-                (once[0] * np.exp(-c * once[1])).sum(axis=1)
-                + tank.surface_reflectance * (again[0] * np.exp(-c * again[1])).sum(axis=1)
-                for c in attenuation_per_m
-            ]
-            return np.stack(each)
+            mirrored = tank.surface_reflectance
+            return np.stack([once.through(c) + mirrored * again.through(c) for c in attenuation_per_m])
         light, in_water = self.ways.mirrored(lamp, tank.lamp_depth_m)
         return np.asarray(light * np.exp(-attenuation_per_m[:, None] * in_water))
 

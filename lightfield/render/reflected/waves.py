@@ -35,6 +35,8 @@ from lightfield.scene.lamp.width import core_width_deg
 #: Slopes up to so many standard deviations (beyond: 1e-5 of the facets), and up to where a facet sends light
 #: straight back: the ways to it are no longer one to a slope there.
 _FAR, _STEEP = 4.5, 0.95
+#: Of second facets all up to so many. Derived: beyond, 1e-8 of them.
+_FARTHEST = 6.0
 #: Steps between slopes, as parts of the standard deviation and of the half width of the beam, which is turned
 #: by twice the slope; at most so many to a side. A sum of even steps over a Gaussian of 0.75 of its standard
 #: deviation errs by 1e-15; beside a beam the sum is held to 1 % by `tests/physics/light/test_waves.py`.
@@ -53,21 +55,28 @@ _ANGLES = 1024
 
 
 class Glitter(NamedTuple):
-    """Light by way of the facets, for unit reflectance multiplier and without attenuation.
+    """Light by way of k facets, for unit reflectance multiplier and without attenuation.
 
     Parameters
     ----------
-    arriving : array, shape (n, k, 3)
+    place : array of int, shape (k,)
+        To which place it comes.
+    arriving : array, shape (3, k)
         Directions of arrival.
-    light : array, shape (n, k), m^-2
+    light : array, shape (k,), m^-2
         Normal irradiance by each.
-    in_water : array, shape (n, k), m
+    in_water : array, shape (k,), m
         Way in water.
     """
 
+    place: np.ndarray
     arriving: np.ndarray
     light: np.ndarray
     in_water: np.ndarray
+
+    def from_place(self, first: int) -> Glitter:
+        """The same where the first of the places is that of many."""
+        return self._replace(place=first + self.place)
 
 
 def glitter(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
@@ -86,7 +95,7 @@ def glitter(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
     slopes = step * np.arange(-count, count + 1)
     at_once = max(_AT_ONCE // len(slopes) ** 2, 1)
     for first in range(0, len(places), at_once):
-        yield _glitter(lamp, tank, places[first : first + at_once], slopes, step)
+        yield _glitter(lamp, tank, places[first : first + at_once], slopes, step).from_place(first)
 
 
 def _glitter(lamp: Lamp, tank: Tank, places: np.ndarray, slopes: np.ndarray, step: float) -> Glitter:
@@ -108,27 +117,41 @@ def _glitter(lamp: Lamp, tank: Tank, places: np.ndarray, slopes: np.ndarray, ste
     aside = slopes / rate_aside[..., None]  # (n, k, k)
     area = step**2 / (rate_along * rate_aside)
 
-    where_x = source[0] + along[..., None] * ahead[:, :1, None] - aside * ahead[:, 1:, None]
-    where_z = source[2] + along[..., None] * ahead[:, 1:, None] + aside * ahead[:, :1, None]
-    shape = (len(places), -1)
-    met = np.stack([where_x, np.full(where_x.shape, top), where_z], axis=-1).reshape(*shape, 3)
-    to, on = met - source, places[:, None] - met
-    r1, r2 = (np.linalg.norm(v, axis=-1) for v in (to, on))
-    to, on = to / r1[..., None], on / r2[..., None]
-    across = to - on
-    slope = -across[..., [0, 2]] / across[..., 1:2]
-    steep = (slope**2).sum(axis=-1)
-    cosine_met = 0.5 * np.linalg.norm(across, axis=-1)  # of incidence: half the chord between both ways
-    sigma = tank.slope
-    facets = np.exp(-0.5 * steep / sigma**2) / (2 * pi * sigma**2) * (1 + steep) ** 2
-    light = fresnel(cosine_met) * facets * to[..., 1] / (4 * seen(to, sigma) * (r1 * r2) ** 2)
-    light *= relative_intensity(lamp, *beam_angles(lamp, *np.moveaxis(to, -1, 0)))
-    light *= np.repeat(area, len(slopes), axis=1)
+    met_x = source[0] + along[..., None] * ahead[:, :1, None] - aside * ahead[:, 1:, None]
+    met_z = source[2] + along[..., None] * ahead[:, 1:, None] + aside * ahead[:, :1, None]
+    met_x, met_z = (v.reshape(len(places), -1) for v in (met_x, met_z))
+    x, y, z = (np.broadcast_to(v[:, None], met_x.shape) for v in places.T)
     (left, right), _, (back, end) = tank.box_m
-    inside = (met[..., 0] > left) & (met[..., 0] < right) & (met[..., 2] > back) & (met[..., 2] < end)
-    inside &= before_lamp(lamp, met[..., 2]) & before_lamp(lamp, places[:, None, 2])
-    part = in_water_m(lamp, r1, met[..., 2])
-    return Glitter(on, np.where(inside, light, 0.0), np.where(inside, part + r2, 0.0))
+    inside = (met_x > left) & (met_x < right) & (met_z > back) & (met_z < end)
+    inside &= before_lamp(lamp, met_z) & before_lamp(lamp, z)
+    place, facet = np.nonzero(inside)
+    met_x, met_z, x, y, z = (v[inside] for v in (met_x, met_z, x, y, z))
+    to, r1 = _way(met_x - source[0], np.full_like(met_x, above_lamp), met_z - source[2])
+    on, r2 = _way(x - met_x, y - top, z - met_z)
+    light = to[1] * _turned(to, on, tank.slope) / (r1 * r2) ** 2 * area[place, facet // len(slopes)]
+    light *= relative_intensity(lamp, *beam_angles(lamp, *to))
+    return Glitter(place, on, light, in_water_m(lamp, r1, met_z) + r2)
+
+
+def _way(x: Array, y: Array, z: Array) -> tuple[Array, Array]:
+    """Unit vectors of ways, shape (3, ...), and their lengths."""
+    length = np.sqrt(x * x + y * y + z * z)
+    return np.stack([x / length, y / length, z / length]), length
+
+
+def _turned(to: Array, on: Array, sigma: float) -> Array:
+    """Part of the light along `to`, per solid angle, that facets send along `on`, over its cosine.
+
+    Parameters
+    ----------
+    to, on : array, shape (3, ...)
+        Unit vectors; `to` upwards.
+    """
+    x, y, z = to - on
+    flat = x * x + z * z
+    steep, chord = flat / (y * y), np.sqrt(flat + y * y)  # of incidence: half the chord between both ways
+    facets = np.exp(-0.5 * steep / sigma**2) / (2 * pi * sigma**2) * (1 + steep) ** 2
+    return np.asarray(fresnel(0.5 * chord) * facets / (4 * seen(to, sigma)))
 
 
 def twice(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
@@ -136,7 +159,7 @@ def twice(lamp: Lamp, tank: Tank, places: np.ndarray) -> Iterator[Glitter]:
     first = _sent_up_again(lamp, tank)
     at_once = max(_AT_ONCE // max(len(first.power), 1), 1)
     for start in range(0, len(places), at_once):
-        yield _by_second(first, lamp, tank.slope, places[start : start + at_once])
+        yield _by_second(first, lamp, tank.slope, places[start : start + at_once]).from_place(start)
 
 
 class _First(NamedTuple):
@@ -161,17 +184,15 @@ class _First(NamedTuple):
 
 def _by_second(first: _First, lamp: Lamp, sigma: float, places: np.ndarray) -> Glitter:
     """What a second facet at the same place sends on."""
-    on = places[:, None] - first.point
-    r2 = np.linalg.norm(on, axis=-1)
-    on /= r2[..., None]
-    across = first.ahead - on
-    slope = -across[..., [0, 2]] / across[..., 1:2]
-    steep = (slope**2).sum(axis=-1)
-    cosine_met = 0.5 * np.linalg.norm(across, axis=-1)
-    facets = np.exp(-0.5 * steep / sigma**2) / (2 * pi * sigma**2) * (1 + steep) ** 2
-    light = first.power * fresnel(cosine_met) * facets / (4 * seen(first.ahead, sigma) * r2**2)
-    light *= (on[..., 1] < 0) & before_lamp(lamp, places[:, None, 2])
-    return Glitter(on, light, first.in_water + r2)
+    on, r2 = _way(*(of[:, None] - met for of, met in zip(places.T, first.point.T, strict=True)))
+    x, y, z = first.ahead.T[:, None] - on
+    some = (
+        (on[1] < 0) & (x * x + z * z < (_FARTHEST * sigma * y) ** 2) & before_lamp(lamp, places[:, None, 2])
+    )
+    place, facet = np.nonzero(some)
+    on, r2, ahead = on[:, some], r2[some], first.ahead.T[:, facet]
+    light = first.power[facet] * _turned(ahead, on, sigma) / r2**2
+    return Glitter(place, on, light, first.in_water[facet] + r2)
 
 
 def _sent_up_again(lamp: Lamp, tank: Tank) -> _First:
@@ -197,7 +218,7 @@ def _sent_up_again(lamp: Lamp, tank: Tank) -> _First:
     normal = np.stack([slope_x, np.ones(len(to)), slope_z], axis=1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     cosine = np.maximum((to * normal).sum(axis=1), 0.0)
-    power = power * part * fresnel(np.maximum(cosine, _LEVEL)) * cosine / (normal[:, 1] * seen(to, sigma))
+    power = power * part * fresnel(np.maximum(cosine, _LEVEL)) * cosine / (normal[:, 1] * seen(to.T, sigma))
     length = np.linalg.norm(point - source_point(lamp), axis=1)
     return _First(point, to - 2 * cosine[:, None] * normal, power, in_water_m(lamp, length, point[:, 2]))
 
@@ -253,13 +274,14 @@ def seen(to: np.ndarray, sigma: float) -> np.ndarray:
 
     Parameters
     ----------
-    to : array, shape (..., 3)
+    to : array, shape (3, ...)
         Unit vectors, y upwards.
     sigma : float
         Standard deviation of the slope in one direction.
     """
-    spread = sigma * np.hypot(to[..., 0], to[..., 2])
-    at = to[..., 1] / np.maximum(spread, 1e-12)
+    x, y, z = to
+    spread = sigma * np.sqrt(x * x + z * z)
+    at = y / np.maximum(spread, 1e-12)
     density = np.exp(-0.5 * at * at) / sqrt(2 * pi)
     below = 0.5 * (1 + erf(at / sqrt(2)))
-    return np.asarray(to[..., 1] * below + spread * density)
+    return np.asarray(y * below + spread * density)
