@@ -107,7 +107,9 @@ CAMPAIGNS = (
          "attenuation_spectrum"),
     ),
     Campaign(
-        "turbid colours", _scene(water=_PURE | {"scattering_per_m": 0.15}, colours_nm=_COLOURS), "half",
+        "turbid colours",
+        _scene(water=_PURE | {"scattering_per_m": 0.15}, colours_nm=_COLOURS[::2], planes_m=(2.0, 4.0, 6.0)),
+        "half",
         ("scattering_slope", "scattering_spectrum"),
     ),
     Campaign("octave", _scene(water=_PURE, colours_nm=(380.0, 450.0, 550.0, 650.0, 760.0)), "half",

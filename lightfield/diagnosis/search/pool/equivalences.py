@@ -23,6 +23,10 @@ _TURNS_DEG = (6.0, 12.0)
 #: other where it would not be; a tilt has this size at least. Chosen: a start alone.
 _WIDER, _MUCH_WIDER, _LEAST_TILT_DEG = 1.05, 1.3, 0.02
 
+#: A peaked beam is a Gaussian of so many of its half widths, on top of it so much of one as wide as a skirt
+#: may be at least, seen through an acceptance of so many half widths. Chosen: starts alone.
+_BROAD, _FRACTION, _NARROW, _ACCEPTED = (1.7, 2.8), 0.35, 1.2, 1.2
+
 #: Coordinate of a width in the fit: (10 / degrees)^2. Chosen: of order one.
 _INVERSE_SQUARE = 100.0
 
@@ -67,8 +71,23 @@ def _turned_receiver(values: Mapping[str, float], h: float) -> list[dict[str, fl
     return out
 
 
-#: One line for every product of effects that imitates one more.
-TABLE = (Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_receiver),)
+def _skirt_in_acceptance(values: Mapping[str, float], h: float) -> list[dict[str, float]]:
+    """A beam that falls more and more slowly, exp(-ln2 (theta/h)^m) with m < 2, is the sum of two Gaussians,
+    the wider one cut by an acceptance."""
+    narrow = {
+        "lamp.skirt_fraction": _FRACTION,
+        "lamp.skirt_hwhm_deg": _NARROW * h,
+        "detector.acceptance_hwhm_deg": _INVERSE_SQUARE / (_ACCEPTED * h) ** 2,
+    }
+    return [narrow | ({WIDTH: float(np.log(broad * h))} if WIDTH in values else {}) for broad in _BROAD]
+
+
+#: Every product of two effects that `benchmarks/imitations` finds to imitate a third, by fits of all of them,
+#: and to which no linear model leads.
+TABLE = (
+    Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_receiver),
+    Equivalence("beam_shape", ("beam_skirt", "acceptance"), _skirt_in_acceptance),
+)
 
 #: Effects that show only beside another one, which hides them by its own size while they are small: waves
 #: dim what a surface mirrors, and at small slopes a surface that mirrors less is all that is seen of them;
@@ -116,4 +135,5 @@ def try_declared(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
             known, values = node.fit.by_path, node.fit.values
             width = values.get(WIDTH, pool.problem.forward.light.diffuse.width_deg)
             starts = [Begin(known | start) for start in line.starts(values, width)]
-            pool.fit(whole, starts, promised=pool.cost(node))
+            fitted = pool.fit(whole, starts, promised=pool.cost(node))
+            pool.also_from(fitted.explanation, starts)  # where it was fitted before, from elsewhere

@@ -262,10 +262,10 @@ class Pool:
         stated = np.array([p.start for p in problem.base])
         starts = [problem.default_start(u, whole) for u in (stated, base)]
         begins = [Begin(dict(zip(paths, start, strict=True))) for start in starts]
-        self._remember_if_better(whole, begins)
+        self.also_from(whole, begins)
 
-    def _remember_if_better(self, whole: Explanation, begins: Iterable[Begin]) -> None:
-        """Fit a set from some places, and keep what is better than what is remembered of it."""
+    def also_from(self, whole: Explanation, begins: Iterable[Begin]) -> None:
+        """Fit a set from some places too: what is remembered of it, unless one of these is better."""
         made = FittedSet(
             whole, min((self._quick(whole, begin, _STEPS) for begin in begins), key=lambda f: f.chi2)
         )
@@ -349,7 +349,7 @@ class Pool:
         )
         if lower and (way not in self._dropped or self.is_lower(node.fit, self._dropped[way])):
             self._dropped[way] = node.fit
-            self._remember_if_better(known.explanation, [begin_at(node)])
+            self.also_from(known.explanation, [begin_at(node)])
         return self.nodes[known.key]
 
     def promised_without(self, node: FittedSet, candidate: Candidate) -> float:
