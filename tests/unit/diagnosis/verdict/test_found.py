@@ -115,7 +115,7 @@ def test_a_single_effect_has_a_level_too() -> None:
 def test_a_turned_narrow_receiver_is_a_tilted_beam() -> None:
     """In this program's own light, but for the receiver's cosine: that of a receiver turned by 6 to 12
     degrees changes by tan(12 degrees) times the angle, 0.1 rad, over the beam."""
-    (line,) = TABLE
+    line = TABLE[0]
     table, believed = readings(seed=1, layout="line")
     tilted = {"lamp.hwhm_deg": 4.0, "lamp.tilt_x_deg": 0.5}
     forward = SceneForward(believed, table)
