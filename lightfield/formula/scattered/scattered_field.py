@@ -136,6 +136,7 @@ class _Tables:
         # Barycentric weights of Chebyshev's points of the first kind.
         self.signs = (-1.0) ** np.arange(count) * np.sin(math.pi * (np.arange(count) + 0.5) / count)
         self.most = 1.2 * float((np.hypot(x_m, y_m) / z_m).max()) + 0.05
+        #: Of a lamp on the axis of the tank.
         self.light = lru_cache(_REMEMBERED)(self._light)
         # What does not change with the water, or with the lamp, in the steps of a fit.
         self._paths = lru_cache(_PATHS)(self._paths_to)
@@ -243,7 +244,8 @@ class ScatteredField:
         seen = self._seen(source_point(lamp), axis, _times(lamp))
         scatters = np.maximum(b, _CLEAREST_PER_M)
         phase = with_molecules(water.phase, molecular_share(scene))
-        table = self._tables.light(lamp, phase, seen.most, tuple(a.tolist()), tuple(scatters.tolist()))
+        waters = tuple(a.tolist()), tuple(scatters.tolist())
+        table = self._tables.light(_on_the_axis(lamp), phase, seen.most, *waters)
         power = (seen.by_z.T * (table @ seen.by_angle.T)).sum(axis=1)
         light = np.exp(power - (a + scatters)[:, None] * seen.table_path) * seen.nearer
         light *= (b / scatters)[:, None]
@@ -281,6 +283,14 @@ def _coefficients(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple
     middle = 0.5 * sum(scene.detector.bands_nm[0])
     at = np.array([middle if w is None else w for w in wavelengths_nm])
     return coefficients_in(scene.water, at, molecular_share(scene))
+
+
+@kept_by_tables(256)
+def _on_the_axis(lamp: Lamp) -> Lamp:
+    """The same beam where its axis is that of the tank: about it its light is the same."""
+    return lamp.model_copy(
+        update=dict.fromkeys(("offset_x_m", "offset_y_m", "tilt_x_deg", "tilt_y_deg"), 0.0)
+    )
 
 
 def _stepped(scale: float) -> float:
