@@ -11,6 +11,8 @@ from lightfield.wording import plain
 
 #: Units of the coordinates that a misfit depends on, or that readings set aside share.
 UNITS = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}
+#: Digits of a fitted value to look it up, and to read on. Chosen: words alone.
+_DIGITS_TO_LOOK_UP, _DIGITS_TO_READ = 4, 3
 
 
 @dataclass(frozen=True)
@@ -73,10 +75,10 @@ def short(value: float, digits: int) -> str:
 def exactly(one: Estimate) -> str:
     """A value with its error, or why there is none: to look it up."""
     error = f"({one.reason})" if one.stderr is None else f"± {short(one.stderr, 2)}"
-    return in_unit(f"{short(one.value, 4)} {error}", one.unit)
+    return in_unit(f"{short(one.value, _DIGITS_TO_LOOK_UP)} {error}", one.unit)
 
 
 def roughly(one: Estimate) -> str:
     """A value with its error, if any: to read on."""
     error = "" if one.stderr is None else f" ± {short(one.stderr, 1)}"
-    return in_unit(f"{short(one.value, 3)}{error}", one.unit)
+    return in_unit(f"{short(one.value, _DIGITS_TO_READ)}{error}", one.unit)
