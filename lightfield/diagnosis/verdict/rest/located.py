@@ -9,11 +9,11 @@ from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import Model
 
 #: First step away from where a fit lies, as part of the range, and how much longer the next one is. Chosen: a
-#: range is crossed in fourteen.
-_FIRST, _LONGER = 1e-4, 2.0
+#: range is crossed in seven.
+_FIRST, _LONGER = 1e-3, 3.0
 #: Halvings of the step that goes too far, and steps of a fit with one parameter held. Chosen: a hundredth of
 #: it; what is refitted hardly moves.
-_HALVINGS, _STEPS = 7, 6
+_HALVINGS, _STEPS = 7, 4
 #: Chi-square, in units of the scale, by which what lies beyond one error is worse. Derived: a parabola.
 _WORSE = 1.0
 
