@@ -79,6 +79,9 @@ def _effects(rows: Sequence[Row]) -> list[str]:
         for name in campaign.effects:
             if mine := [r for r in rows if r["asked"] == name]:
                 lines.append(_line(name, campaign.name, mine))
+    asked = {r["asked"] for r in rows}
+    if missing := [n for campaign in CAMPAIGNS for n in campaign.effects if n not in asked]:
+        lines += ["", f"No set yet: {', '.join(missing)}."]
     seen = [r for r in rows if r["delta"] > VISIBLE]
     found = sum(_is_found(r) for r in seen)
     wrong = [n for r in rows for n in r["certain"] if n in _wrong(r)]
