@@ -20,6 +20,8 @@ from lightfield.scene.lamp.frame import angle_from_axis
 from lightfield.scene.own.own_effect import OwnEffect, OwnParameter, Stage
 
 FAMILY = "local unknown"
+#: What shades what passes through it, told where that is read at the farthest distance.
+PLUME = "plume"
 #: Widths from that of a rope (2 cm) to a quarter of a scan; times as parts of it; periods from two readings
 #: to the whole range of angles. Chosen.
 _NARROWEST_M, _WIDEST_PART = 0.02, 0.25
@@ -104,7 +106,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
         x = np.asarray(readings.x_m, float)
         if (span := float(np.ptp(x))) > 2 * _NARROWEST_M / _WIDEST_PART:
             yield OwnEffect(
-                name="plume",
+                name=PLUME,
                 family=FAMILY,
                 stage="path",
                 formula=f"1 - depth*exp(-((x*z0/z - x0)/width)**2)*(1 + tanh((z - z0)/{_EDGE_M:g}))/2",
@@ -136,7 +138,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
 
 #: Along what each of them is drawn.
 ALONG = {
-    "dip_in_x": "x", "dip_in_y": "y", "plume": "x", "step_in_time": "time",
+    "dip_in_x": "x", "dip_in_y": "y", PLUME: "x", "step_in_time": "time",
     "dip_in_time": "time", "ripple_over_angle": "angle",
     "ripple_at_receiver": "angle", "ripple_in_time": "time",
 }  # fmt: skip

@@ -343,11 +343,9 @@ class Pool:
         rest = tuple(c for c in node.explanation if c is not candidate)
         promised = self.promised_without(node, candidate)
         known = self.fit(rest, [begin_at(node)], promised)
-        way, lower = (
-            (node.key, known.key),
-            self._is_near(promised) and self.cost(known) > promised + _ELSEWHERE,
-        )
-        if lower and (way not in self._dropped or self.is_lower(node.fit, self._dropped[way])):
+        promises_less = self._is_near(promised) and self.cost(known) > promised + _ELSEWHERE
+        tried = self._dropped.get(way := (node.key, known.key))
+        if promises_less and (tried is None or self.is_lower(node.fit, tried)):
             self._dropped[way] = node.fit
             self.also_from(known.explanation, [begin_at(node)])
         return self.nodes[known.key]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
 from lightfield.diagnosis.verdict.speech import UNITS, join, roughly
+from lightfield.fitting.effects.local import PLUME
 from lightfield.wording import plain, rounded
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit: derived.
@@ -27,7 +28,10 @@ def about(misfit: Misfit | None) -> str:
         return "it is not a function of one coordinate"
     if misfit.like is not None and misfit.period_deg is None and misfit.period_s is None:
         name, unit = misfit.coordinate, UNITS.get(misfit.coordinate, "")
-        return f"it looks like a {plain(misfit.like)}, near {name} = {misfit.worst_at:.3g} {unit}".rstrip()
+        where = f"{name} = {misfit.worst_at:.3g} {unit}".rstrip()
+        # It shades what passes through it: its place along x is told where that is read.
+        where += " at the farthest distance" if misfit.like == PLUME else ""
+        return f"it looks like a {plain(misfit.like)}, near {where}"
     if misfit.at_one:
         where = f"{misfit.worst_at:.3g} {UNITS.get(misfit.coordinate, '')}".rstrip()
         return f"it lies in the {misfit.coordinate} at {where} alone, which may stand elsewhere than stated"

@@ -210,6 +210,9 @@ def test_what_is_said_of_the_unexplained() -> None:
     assert said(misfit, 30.0, 10.0, 60.0).support[0] == "A and b remove 40 % of the misfit."
     like = said(misfit.model_copy(update={"like": "dip_in_x"}), 90.0)
     assert like.headline == "Unexplained in part: it looks like a dip in x, near x = 0.3 m."
+    # At other distances a plume is read elsewhere.
+    plume = said(misfit.model_copy(update={"like": "plume"}), 90.0).headline
+    assert plume == "Unexplained in part: it looks like a plume, near x = 0.3 m at the farthest distance."
 
 
 def test_the_simplest_comes_with_what_else_would_do() -> None:
