@@ -22,6 +22,7 @@ from lightfield.scene import Scene
 
 NOISES = (0.005, 0.01)
 PHOTONS = 1e8
+_FLOOR = "tank.floor_over_walls"
 Row = dict[str, Any]
 
 
@@ -63,6 +64,8 @@ def _run(trial: Trial) -> Row:
     verdict = diagnose(readings, believed).verdict
     row = {"n": len(clean), "cpu_seconds": time.process_time() - begun} | as_data(verdict)
     values = dict(trial.values)
+    if truth.tank is not None and _FLOOR in values:
+        values[_FLOOR] = truth.tank.floor_share  # no floor reflects more than all
     pulls = {
         path: (estimate.value - values[path]) / estimate.stderr
         for one in verdict.found

@@ -22,10 +22,11 @@ Written by `python -m benchmarks.each_effect`; do not edit.
 Every effect of the table, and every curve, in a campaign that shows it: at 2.5, 5 and 10 times its typical
 size, alone and beside two of what most tanks have (a background, a lamp off its place, a drift, a
 saturation). The light comes from the full render, and what the experimenter is told of width and absorption
-is 10 to 25 % wrong. Errors of 0.5 or 1 % and a dark floor.
+is 10 to 25 % wrong (of the measured lamp's tank it is right). Errors of 0.5 or 1 % and a dark floor.
 
 **sigma**: by how much the noise-free readings are missed without it, everything else that was hidden
-refitted. **Found**: it, or a curve that contains it, is in the best set, of the sets where sigma is above 8.
+refitted; near nought, what is always free takes it (width, absorption, a gain within the calibration's
+error). **Found**: it, or a curve that contains it, is in the best set, of the sets where sigma is above 8.
 **Certain**: the same, and called so. **Wrong**: names in all best sets that were not hidden (nor contain
 what was), and how many of them were called certain. **Instead**: what else the sets hold where it is not
 found. **Pulls**: (found - hidden) / error of its parameters, rms; 1 is right.

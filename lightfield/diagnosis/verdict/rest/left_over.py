@@ -169,9 +169,9 @@ def _record(
     told = estimates(fit, scale, units_of(forward.scene))
     prefix = f"effect.{name}."
     mine = {
-        path.removeprefix(prefix): located(problem, fit, whiten, scale, path, one)
+        key: one if key in AMPLITUDES else located(problem, fit, whiten, scale, prefix + key, one)
         for path, one in told.items()
-        if path.startswith(prefix)
+        if path.startswith(prefix) and (key := path.removeprefix(prefix))
     }
     at, places = _along(ALONG[name], forward.readings)
     factor, stderr = _curve(own, fit, scale, places)

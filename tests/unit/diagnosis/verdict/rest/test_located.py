@@ -10,7 +10,7 @@ import pytest
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.verdict.estimates import estimates
-from lightfield.diagnosis.verdict.parts import Estimate
+from lightfield.diagnosis.verdict.parts import Estimate, Reason
 from lightfield.diagnosis.verdict.rest.located import located
 from lightfield.fitting.least_squares import Fit, least_squares
 from lightfield.fitting.parameter import FitParameter, Model
@@ -68,9 +68,46 @@ def test_a_small_step_is_less_well_known() -> None:
     assert after.stderr is None or after.stderr > 15.0
 
 
-def test_what_has_an_error_keeps_it() -> None:
-    known = Estimate(value=3.0, stderr=0.5)
+def test_two_errors_hold_when_a_step_was() -> None:
+    """Steps at once, in noise, for a fit of which the duration is free: where it ends at some seconds, slopes
+    know the time by the one reading in the middle, and two of their errors held 74 % of 112 such steps."""
+    rng, time, pulls, by_slopes = np.random.default_rng(5), 20.0 * np.arange(30), [], 0
+
+    class Slow:
+        def predict(self, values: Mapping[str, float]) -> Array:
+            fallen = (1 + np.tanh((time - values["time0"]) / values["duration"])) / 2
+            return values["gain"] * (1 + values["size"] * fallen)
+
+    for _ in range(60):
+        sigma, true = rng.choice([0.006, 0.012, 0.02], time.size), rng.uniform(100, 500)
+        value = np.where(time > true, 0.9, 1.0) * (1 + sigma * rng.standard_normal(time.size))
+
+        def whiten(a: Array, sigma: Array = sigma) -> Array:
+            return a / (sigma if a.ndim == 1 else sigma[:, None])
+
+        parameters = (
+            FitParameter("gain", 0.1, 10.0, 1.0, 1e-4),
+            FitParameter("size", -0.9, 0.9, -0.1, 1e-4),
+            FitParameter("time0", 0.0, 580.0, true + rng.uniform(-15, 15), 1e-2),
+            FitParameter("duration", 0.4, 145.0, 5.0, 1e-2),
+        )
+        model = Model(Slow(), parameters)
+        fit = least_squares(model, value, whiten, model.start)
+        told = estimates(fit, 1.0, {})["time0"]
+        by_slopes += told.stderr is not None
+        problem = SimpleNamespace(value=value, keep=np.ones(len(value)))
+        known = located(problem, fit, whiten, 1.0, "time0", told)
+        assert known.stderr is not None
+        assert told.stderr is None or known.stderr >= told.stderr
+        pulls.append(abs(known.value - true) / known.stderr)
+    assert by_slopes > 15
+    assert np.mean(np.array(pulls) < 1) > 0.6
+    assert np.mean(np.array(pulls) < 2) > 0.93
+
+
+def test_what_lies_at_a_bound_stays_there() -> None:
+    at_bound = Estimate(value=3.0, reason=Reason.AT_BOUNDARY)
     value = Step().predict({"gain": 1.0, "size": -0.2, "time0": 44.0})
     fit = fitted(value, size=-0.2, time0=47.0)
     problem = SimpleNamespace(value=value, keep=np.ones(len(value)))
-    assert located(problem, fit, lambda a: a / SIGMA, 1.0, "time0", known) is known
+    assert located(problem, fit, lambda a: a / SIGMA, 1.0, "time0", at_bound) is at_bound
