@@ -19,10 +19,11 @@ _HEAD = """# Every effect in turn
 
 Written by `python -m benchmarks.each_effect`; do not edit.
 
-Every effect of the table, and every curve, in a campaign that shows it: at 2.5, 5 and 10 times its typical
-size, alone and beside two of what most tanks have (a background, a lamp off its place, a drift, a
-saturation). The light comes from the full render, and what the experimenter is told of width and absorption
-is 10 to 25 % wrong (of the measured lamp's tank it is right). Errors of 0.5 or 1 % and a dark floor.
+Every effect of the table, and every curve but a lamp's (`benchmarks/many_effects` has those), in a campaign
+chosen for it: at 2.5, 5 and 10 times its typical size, alone and beside two of what most tanks have (a
+background, a lamp off its place, a drift, a saturation). The light comes from the full render, and what the
+experimenter is told of width and absorption is 10 to 25 % wrong (of the measured lamp's tank it is right).
+Errors of 0.5 or 1 % and a dark floor.
 
 **sigma**: by how much the noise-free readings are missed without it, everything else that was hidden
 refitted; near nought, what is always free takes it (width, absorption, a gain within the calibration's
@@ -37,14 +38,17 @@ def page(rows: Sequence[Row], planned: int) -> str:
     """The page, as Markdown."""
     versions = ", ".join(f"{v} ({n} sets)" for v, n in Counter(r["code"] for r in rows).most_common())
     failed = [r for r in rows if r["verdict"] == "error"]
+    hidden = [r for r in rows if r["asked"] and r["verdict"] != "error"]
     lines = [
         _HEAD,
         f"**{len(rows)} sets** of {planned} planned; {len(failed)} ended in an error. Code: {versions}.",
         *(f"- {r['key']}: {r['error']}" for r in failed),
         "",
+        _summary(hidden),
+        "",
         *_nulls([r for r in rows if not r["asked"] and r["verdict"] != "error"]),
         "",
-        *_effects([r for r in rows if r["asked"] and r["verdict"] != "error"]),
+        *_effects(hidden),
     ]
     return "\n".join(lines) + "\n"
 
@@ -61,11 +65,10 @@ def _nulls(rows: Sequence[Row]) -> list[str]:
     for campaign in CAMPAIGNS:
         mine = [r for r in rows if r["campaign"] == campaign.name]
         names = [n for r in mine for n in r["best_set"]]
-        told = ", ".join(f"{n} {k}" for n, k in Counter(names).most_common())
+        told = f": {', '.join(sorted(set(names)))}" if names else ""
         wrong = sum(bool(r["certain"] or r["simplest"]) for r in mine)
-        lines.append(
-            f"| {campaign.name} | {len(mine)} | {wrong} | {sum(bool(r['best_set']) for r in mine)} {told} |"
-        )
+        with_name = sum(bool(r["best_set"]) for r in mine)
+        lines.append(f"| {campaign.name} | {len(mine)} | {wrong} | {with_name}{told} |")
     return [*lines, f"| **all** | {len(rows)} | {_rate(claimed, len(rows))} | {_rate(held, len(rows))} |"]
 
 
@@ -83,16 +86,18 @@ def _effects(rows: Sequence[Row]) -> list[str]:
     asked = {r["asked"] for r in rows}
     if missing := [n for campaign in CAMPAIGNS for n in campaign.effects if n not in asked]:
         lines += ["", f"No set yet: {', '.join(missing)}."]
+    return lines
+
+
+def _summary(rows: Sequence[Row]) -> str:
     seen = [r for r in rows if r["delta"] > VISIBLE]
     found = sum(_is_found(r) for r in seen)
     wrong = [n for r in rows for n in r["certain"] if n in _wrong(r)]
     certain = sum(len(r["certain"]) for r in rows)
-    lines += [
-        "",
-        f"Above 8 sigma {_rate(found, len(seen))} are in the best set; of all certain names "
-        f"{_rate(len(wrong), certain)} were not hidden.",
-    ]
-    return lines
+    return (
+        f"**Above {VISIBLE:g} sigma {_rate(found, len(seen))} are in the best set; of all certain names "
+        f"{_rate(len(wrong), certain)} were not hidden.** In brackets: 95 % Clopper-Pearson limits; sets."
+    )
 
 
 def _line(name: str, campaign: str, rows: Sequence[Row]) -> str:

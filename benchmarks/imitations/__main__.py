@@ -37,7 +37,7 @@ effects of direct light, in all their forms, is fitted to them from up to eight 
 told in errors, the root of chi-square; of the two directions the one that is imitated better. Beside it
 stands what the search for rivals of a diagnosis finds of sets so small. Light is that of the model itself:
 the question is what its own effects can do for each other. What remains of less than {NEAR:g} is bold: these
-readings cannot tell them apart. Where the search leaves {MISSED:g} more, it is said below the tables.
+readings cannot tell them apart. Missed is what the search leaves {MISSED:g} more of.
 """
 
 
@@ -86,31 +86,45 @@ def _line(one: Shown) -> Line:
 
 def _told(names: tuple[str, ...], left: float) -> str:
     mark = "**" if left < NEAR else ""
-    return f"{mark}{' + '.join(names) or 'nothing'} ({left:.1f}){mark}"
+    return f"{mark}{' + '.join(names) or 'no effect'} ({left:.1f}){mark}"
+
+
+def _lines(layout: str) -> list[Line]:
+    """Of every form of every effect that the layout may tell, the direction that is imitated better."""
+    lines: dict[tuple[str, str], Line] = {}
+    for each in shown(layout):
+        line = _line(each)
+        print(layout, line, file=sys.stderr, flush=True)
+        known = lines.setdefault((line.effect, line.form), line)
+        if line.two[1] < known.two[1]:
+            lines[line.effect, line.form] = line
+    return list(lines.values())
+
+
+def _told_near(line: Line) -> str:
+    return "; ".join(" + ".join(n) or "no effect" for n in line.near)
 
 
 def _page() -> Iterator[str]:
+    every = {layout: _lines(layout) for layout in LAYOUTS}
+    missed = [
+        f"{line.effect} ({layout})"
+        for layout, lines in every.items()
+        for line in lines
+        if line.found[1] > line.two[1] + MISSED
+    ]
     yield _HEAD
-    missed: list[str] = []
-    for layout in LAYOUTS:
-        yield f"## {layout.capitalize()}\n"
+    yield f"**Missed by the search: {', '.join(missed) or 'none'}.** Cannot be told from each other:"
+    for layout, lines in every.items():
+        alike = "; ".join(f"{line.effect} from {_told_near(line)}" for line in lines if line.near)
+        yield f"- {layout}: {alike or 'none'}."
+    for layout, lines in every.items():
+        yield f"\n## {layout.capitalize()}\n"
         yield "| effect | form | sigma | nearest one | nearest two | by the search | cannot be told from |"
         yield "|---|---|---|---|---|---|---|"
-        lines: dict[tuple[str, str], Line] = {}
-        for each in shown(layout):
-            line = _line(each)
-            print(layout, line, file=sys.stderr, flush=True)
-            known = lines.setdefault((line.effect, line.form), line)
-            if line.two[1] < known.two[1]:
-                lines[line.effect, line.form] = line
-        for line in lines.values():
-            if line.found[1] > line.two[1] + MISSED:
-                missed.append(f"{line.effect} ({layout})")
-            near = "; ".join(" + ".join(n) or "nothing" for n in line.near)
+        for line in lines:
             told = " | ".join(_told(*of) for of in (line.one, line.two, line.found))
-            yield f"| {line.effect} | {line.form} | {line.sigma:.0f} | {told} | {near} |"
-        yield ""
-    yield f"Missed by the search: {', '.join(missed) or 'none'}."
+            yield f"| {line.effect} | {line.form} | {line.sigma:.0f} | {told} | {_told_near(line)} |"
 
 
 def main() -> None:

@@ -363,13 +363,16 @@ def test_photons_widen_errors_as_a_fit_without_their_noise_says(amplitude: float
         assert (widened > 1) == (amplitude > 1) and (widened > 1e-3) == (amplitude > 0)
 
 
+@pytest.mark.parametrize("base", ["none", "pure"])
 @pytest.mark.parametrize(("per_m", "is_clear"), [(0.0, True), (1e-6, True), (0.01, False)])
 @pytest.mark.parametrize("ellipticity", [1.0, 1.3])
-def test_water_that_no_photon_shows_is_clear(per_m: float, is_clear: bool, ellipticity: float) -> None:
-    """A trace of it has no light whose ratio could be told. That of an oval beam is known by its trace alone,
-    of which a reader is warned."""
+def test_water_that_no_photon_shows_is_clear(
+    per_m: float, is_clear: bool, ellipticity: float, base: str
+) -> None:
+    """A trace of it has no light whose ratio could be told, and of what molecules scatter hardly any. That of
+    an oval beam is known by its trace alone, of which a reader is warned."""
     lamp = {"ellipticity": ellipticity}
-    scene = Scene.from_dict({"lamp": lamp, "water": {"scattering_per_m": per_m}})
+    scene = Scene.from_dict({"lamp": lamp, "water": {"base": base, "scattering_per_m": per_m}})
     diffuse = SimpleNamespace(trace=object(), wavelengths_nm=np.array([525.0]))
     scenes = SimpleNamespace(at=lambda values, validate: scene)
     light = SimpleNamespace(diffuse=diffuse, scenes=scenes)
