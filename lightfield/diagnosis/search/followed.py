@@ -21,8 +21,9 @@ from lightfield.scene.water.coefficients import molecular_per_m, scattering_per_
 
 #: Photons of a first trace. Chosen: time against precision.
 PHOTONS = 1e6
-#: Water whose particles scatter less, in 1/m, is clear. Derived: of that many photons a thousand are scattered
-#: on 10 m. What molecules scatter is 0.17 % of bright readings at most, measured in pure water at 2 to 6 m.
+#: Water whose particles scatter less, in 1/m, is clear. Derived: of that many photons a thousand are
+#: scattered on 10 m. What molecules scatter is 0.17 % of bright readings at most, measured in pure water
+#: at 2 to 6 m.
 _CLEAR_PER_M = 1e-4
 
 
