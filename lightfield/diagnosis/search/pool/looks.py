@@ -22,6 +22,8 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet
 #: Beam and fits of the first levels of additions, of later ones, and of a wider look before giving up.
 #: Chosen; with half and twice of the first two ten campaigns have the same verdicts.
 _BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
+#: Levels of additions in which everything is asked first. Chosen: time alone.
+_SMALL = 4
 #: Fits of a linear elimination before giving up. Chosen: time alone; half and twice alike in ten campaigns.
 _MORE = 6
 
@@ -29,6 +31,11 @@ _MORE = 6
 def direct(candidate: Candidate) -> bool:
     """Is it a named effect that acts on direct light alone?"""
     return named(candidate) and not candidate.effect.diffuse
+
+
+def by_scattering(candidate: Candidate) -> bool:
+    """Is it a named effect of scattered or reflected light?"""
+    return named(candidate) and candidate.effect.diffuse
 
 
 def everything(candidate: Candidate) -> bool:
@@ -39,6 +46,10 @@ def everything(candidate: Candidate) -> bool:
 def first(pool: Pool, _: FittedSet) -> FittedSet:
     """From the base model, and from the scene without what it states: the best named set, then of all."""
     base = pool.nodes[frozenset()]
+    # Where scattered light or a curve is what is missing, names that act on direct light alone pile up in its
+    # place, and all that is tried beside them takes its time.
+    forward(pool, base, _BEAM_AGAIN, _FITS_AGAIN, everything, _SMALL, anyway=by_scattering)
+    polish(pool, everything)
     # Scattered and reflected light takes its time: first without.
     forward(pool, base, _BEAM, _FITS, direct)
     polish(pool, direct)

@@ -23,8 +23,20 @@ _ROUNDS, _SWAPS, _REACH = 6, 10, 8.0
 _MOSTLY = 50.0
 
 
+def nothing(_: Candidate) -> bool:
+    """No effect."""
+    return False
+
+
 def forward(
-    pool: Pool, start: FittedSet, beam: int, fits: int, allowed: Admits, most: int = _MOST, patience: int = 1
+    pool: Pool,
+    start: FittedSet,
+    beam: int,
+    fits: int,
+    allowed: Admits,
+    most: int = _MOST,
+    patience: int = 1,
+    anyway: Admits = nothing,
 ) -> FittedSet:
     """Levels of additions: of the best sets of a level, the additions that promise most are fitted.
 
@@ -36,10 +48,12 @@ def forward(
         Sets of a level that are fitted.
     patience : int
         Levels without a new best set after which it ends.
+    anyway : callable
+        Of allowed effects, those that are fitted whatever they promise.
     """
     level, lowest, stale = [start], pool.cost(start), 0
     for _ in range(most):
-        made = fit_additions(pool, level, fits, allowed)
+        made = fit_additions(pool, level, fits, allowed, anyway)
         if not made:
             break
         made = sorted(map(pool.finished, sorted(made, key=pool.cost)[:beam]), key=pool.cost)
@@ -53,9 +67,13 @@ def forward(
     return best_of(pool, allowed)
 
 
-def fit_additions(pool: Pool, level: list[FittedSet], fits: int, allowed: Admits) -> list[FittedSet]:
-    """Fit the additions to some sets that promise most."""
-    chosen = sorted(_additions(pool, level, allowed).values(), key=lambda p: p.cost)[:fits]
+def fit_additions(
+    pool: Pool, level: list[FittedSet], fits: int, allowed: Admits, anyway: Admits = nothing
+) -> list[FittedSet]:
+    """Fit the additions to some sets that promise most, as far as they may win, and others anyway."""
+    found = _additions(pool, level, allowed, anyway).values()
+    new = sorted((p for p in found if pool.may_win(p, _REACH)), key=lambda p: p.cost)
+    chosen = [*new[:fits], *(p for p in new[fits:] if anyway(p.candidate))]
     return [pool.add(p) for p in chosen if p.key in pool.nodes or _affordable(pool, p)]
 
 
@@ -70,13 +88,15 @@ def _affordable(pool: Pool, promise: Promise) -> bool:
     return pool.affordable((*promise.node.explanation, promise.candidate))
 
 
-def _additions(pool: Pool, level: list[FittedSet], allowed: Admits) -> dict[SetKey, Promise]:
+def _additions(
+    pool: Pool, level: list[FittedSet], allowed: Admits, anyway: Admits = nothing
+) -> dict[SetKey, Promise]:
     """Sets with one effect more, each from where it promises most."""
     out: dict[SetKey, Promise] = {}
     for node in level:
-        for promise in pool.promises(node):
-            known = out.get(promise.key)
-            if not allowed(promise.candidate) or promise.starts[0].gain < _LEAST * pool.ground.phi:
+        for promise in filter(lambda p: allowed(p.candidate), pool.promises(node)):
+            known, candidate = out.get(promise.key), promise.candidate
+            if promise.starts[0].gain < _LEAST * pool.ground.phi and not anyway(candidate):
                 continue
             if known is None or promise.cost < known.cost:
                 out[promise.key] = promise
@@ -99,7 +119,8 @@ def polish(
         _other_forms(pool, best, allowed)
         around = [pool.drop(best, c) for c in best.explanation if _without(pool, best, c)]
         found = _additions(pool, [*around, best], allowed)
-        new = sorted((p for key, p in found.items() if key not in pool.nodes), key=lambda p: p.cost)
+        unknown = (p for key, p in found.items() if key not in pool.nodes)
+        new = sorted((p for p in unknown if pool.may_win(p, reach)), key=lambda p: p.cost)
         limit = pool.cost(best) + reach
         for rank, promise in enumerate(new):
             other_form = promise.candidate.name in best.names
