@@ -165,7 +165,6 @@ class Pool:
     _finished: set[SetKey] = field(default_factory=set)
     _dropped: dict[tuple[SetKey, SetKey], Fit] = field(default_factory=dict)
     _lowest: float = float("inf")
-    _least: float = float("inf")
     progress: Callable[[FittedSet], None] = lambda best: None
 
     @property
@@ -227,7 +226,6 @@ class Pool:
         self.nodes[node.key] = node
         if (cost := self.cost(node)) < self._lowest:
             self._lowest = cost
-        self._least = min(self._least, node.chi2)
         return node
 
     def finished(self, node: FittedSet) -> FittedSet:
@@ -297,13 +295,13 @@ class Pool:
             return False
         return self.diffuse < self.most_diffuse or not any(c.effect.diffuse for c in whole)
 
-    def may_win(self, promise: Promise, reach: float) -> bool:
-        """Could a set with one effect more cost as little as the best and so much, did it leave nothing but
-        noise, or as little as any set does?"""
-        phi, node = self.ground.phi, promise.node
-        price = self.cost(node) - node.chi2 / phi + self.ground.price(promise.candidate)
-        spare = self.problem.keep.sum() - len(node.fit.u) - len(promise.candidate.parameters)
-        return bool(price + min(float(spare), self._least / phi) < self._lowest + reach)
+    def most_effects(self, reach: float) -> int:
+        """Of a set that leaves nothing but noise, or as little as any does, and costs no more than this above
+        the best."""
+        spare = float(self.problem.keep.sum()) - len(self.problem.base)
+        least = min(spare, min(node.chi2 for node in self.nodes.values()) / self.ground.phi)
+        each = min(map(self.ground.price, self.problem.candidates), default=1.0)
+        return max(int((self._lowest + reach - least) / each), 1)
 
     def scores(self, node: FittedSet) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
         """Score tests of every effect that the set lacks."""

@@ -14,7 +14,7 @@ from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.pool.answer import named
 from lightfield.diagnosis.search.pool.backward import linear_backward
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
-from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool
 from lightfield.diagnosis.search.pool.moves import forward, polish, thin
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.set_of_effects import FittedSet
@@ -24,6 +24,9 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet
 _BEAM, _FITS, _BEAM_AGAIN, _FITS_AGAIN, _WIDE = 4, 14, 2, 6, 6
 #: Levels of additions in which everything is asked first. Chosen: time alone.
 _SMALL = 4
+#: Cost above the best that larger sets may have if they leave nothing but noise, and smaller ones that are
+#: still tried to mend. Chosen: time alone; the first is that of swaps, the second that of rivals.
+_REACH, _NEAR = 8.0, 200.0
 #: Fits of a linear elimination before giving up. Chosen: time alone; half and twice alike in ten campaigns.
 _MORE = 6
 
@@ -44,26 +47,32 @@ def everything(candidate: Candidate) -> bool:
 
 
 def first(pool: Pool, _: FittedSet) -> FittedSet:
-    """From the base model, and from the scene without what it states: the best named set, then of all."""
+    """From the base model, and from the scene without what it states: the best small set, named set, and of
+    all."""
     base = pool.nodes[frozenset()]
     # Where scattered light or a curve is what is missing, names that act on direct light alone pile up in its
-    # place, and all that is tried beside them takes its time.
+    # place, and all that is tried beside them takes its time. By how much scattering does is not what a step
+    # from clear water promises.
     forward(pool, base, _BEAM_AGAIN, _FITS_AGAIN, everything, _SMALL, anyway=by_scattering)
     polish(pool, everything)
     # Scattered and reflected light takes its time: first without.
-    forward(pool, base, _BEAM, _FITS, direct)
-    polish(pool, direct)
-    if (bare := pool.as_unstated(direct)) is not base:
-        forward(pool, bare, _BEAM, _FITS, direct)
-        polish(pool, direct)
+    for start in (base, pool.as_unstated(direct)):
+        forward(pool, start, _BEAM, _FITS, direct, pool.most_effects(_REACH))
+        _polish_near(pool, direct)
     with_curve_of_lamp(pool)
     best = forward(pool, pool.best(named), _BEAM_AGAIN, _FITS_AGAIN, named)
     linear_backward(pool, base, named)
     linear_backward(pool, best, named)
-    polish(pool, named)
+    _polish_near(pool, named)
     if not all(map(named, pool.problem.candidates)):
         _curves(pool)
     return pool.best()
+
+
+def _polish_near(pool: Pool, allowed: Admits) -> None:
+    """Drops and swaps around the best set of some effects, where that is not far from the best of all."""
+    if pool.cost(pool.best(allowed)) < pool.cost(pool.best()) + _NEAR:
+        polish(pool, allowed)
 
 
 def with_curve_of_lamp(pool: Pool) -> FittedSet:

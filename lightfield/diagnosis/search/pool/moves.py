@@ -70,9 +70,8 @@ def forward(
 def fit_additions(
     pool: Pool, level: list[FittedSet], fits: int, allowed: Admits, anyway: Admits = nothing
 ) -> list[FittedSet]:
-    """Fit the additions to some sets that promise most, as far as they may win, and others anyway."""
-    found = _additions(pool, level, allowed, anyway).values()
-    new = sorted((p for p in found if pool.may_win(p, _REACH)), key=lambda p: p.cost)
+    """Fit the additions to some sets that promise most, and some anyway."""
+    new = sorted(_additions(pool, level, allowed, anyway).values(), key=lambda p: p.cost)
     chosen = [*new[:fits], *(p for p in new[fits:] if anyway(p.candidate))]
     return [pool.add(p) for p in chosen if p.key in pool.nodes or _affordable(pool, p)]
 
@@ -119,8 +118,7 @@ def polish(
         _other_forms(pool, best, allowed)
         around = [pool.drop(best, c) for c in best.explanation if _without(pool, best, c)]
         found = _additions(pool, [*around, best], allowed)
-        unknown = (p for key, p in found.items() if key not in pool.nodes)
-        new = sorted((p for p in unknown if pool.may_win(p, reach)), key=lambda p: p.cost)
+        new = sorted((p for key, p in found.items() if key not in pool.nodes), key=lambda p: p.cost)
         limit = pool.cost(best) + reach
         for rank, promise in enumerate(new):
             other_form = promise.candidate.name in best.names
