@@ -40,6 +40,9 @@ _SLANTS, _MISSED, _AT_NODE = (8, 12, 16, 24, 32, 48), 1e-11, 1e-15
 #: Beyond these the fit was not made, and is held: optical depth of what is not scattered forward, distance
 #: from the axis over z, and 1 - g.
 _MOST_DEPTH, _MOST_TANGENT, _MOST_LOSS = 1.6, 1.2, 0.3
+#: Beyond so many scattering lengths light counts as after these. Derived: their exponential is a number, and
+#: of that light nothing is left.
+_LARGEST = 700.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +116,7 @@ def multiple(lamp: Lamp, spread: Spread, tangent: Array, a: ArrayLike, b: ArrayL
     slant, arriving = _by_slant(lamp, top, _slants(lamp, change))
     slanted = (scattering * spread.q(absorption))[..., None] * slant
     # Three times as fast as `expm1`, and as good where this light counts.
+    slanted = np.minimum(slanted, _LARGEST)
     twice = np.exp(slanted) - 1 - slanted
     depth = np.outer(spread.z_m, absorption + scattering)
     twice *= np.exp(np.multiply.outer(-depth, slant))[:, None]

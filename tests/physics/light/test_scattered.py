@@ -299,3 +299,12 @@ def test_absorption_below_zero_is_none_on_endless_paths() -> None:
     field, (a, b) = ScatteredField(x, 0 * x, z), (np.zeros(1), np.array([0.3]))
     none, less = field.at(scene(), a, b), field.at(scene(), a - 1e-6, b)
     assert np.isfinite(none).all() and less == pytest.approx(none, rel=1e-4)
+
+
+def test_water_that_nothing_gets_through_has_light_that_is_a_number() -> None:
+    """Fits in dense water ask for so many scattering lengths that their exponential was none."""
+    lamp = Lamp(hwhm_deg=3.81)
+    spread = Spread.on_planes(FORWARD, Z, largest_kz(lamp))
+    light = multiple(lamp, spread, np.array([0.0, 0.3]), A, np.array([1.0, 1e3, 1e5]))
+    assert np.isfinite(light).all()
+    assert (light[0] > 0).all() and np.abs(light[1:]).max() < 1e-3 * light[0].max()
