@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.formula.scattered.multiple import Spread, closure, largest_kz, multiple
 from lightfield.formula.scattered.quadrature import (
     EmissionTable,
@@ -160,7 +160,8 @@ class _Tables:
             once = paths.light(absorption, scattering, shares_at(phase, known, len(paths.share)))
             light[..., rows] += once.reshape(len(a), len(z), -1)
         slant = np.sqrt(1 + angles**2)
-        return np.log(light * (behind * slant) ** 2) + np.multiply.outer(absorption + scattering, z * slant)
+        # Of dense water nothing may be left.
+        return np.log(np.maximum(light * (behind * slant) ** 2, TINY)) + np.multiply.outer(absorption + scattering, z * slant)
 
     def _paths_to(
         self, phase: TracedPhase, width: float, behind_m: float, most: float, times: int

@@ -308,3 +308,6 @@ def test_water_that_nothing_gets_through_has_light_that_is_a_number() -> None:
     light = multiple(lamp, spread, np.array([0.0, 0.3]), A, np.array([1.0, 1e3, 1e5]))
     assert np.isfinite(light).all()
     assert (light[0] > 0).all() and np.abs(light[1:]).max() < 1e-3 * light[0].max()
+    x = np.array([0.1, 0.5])
+    dense = ScatteredField(x, 0 * x, Z + 0 * x).at(scene(), np.array([A]), np.array([1e5]))
+    assert (dense >= 0).all() and (dense < 1e-300).all()
