@@ -22,7 +22,7 @@ from lightfield.report.style import (
     label,
     percent_axis,
 )
-from lightfield.wording import plain
+from lightfield.wording import plain, rounded
 
 #: Bands are drawn so wide, in standard errors.
 _BAND = 2.0
@@ -55,7 +55,7 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
             marker = "o" if len(curve.at) < PLACES else ""  # of planes: between them there is nothing
             upper.plot(curve.at, curve.value, color=RENDER, marker=marker, label="fitted curve")
             upper.set_ylabel(curve.quantity)
-            upper.set_title(f"changes readings by {100 * curve.rms:.2g} % rms")
+            upper.set_title(f"changes readings by {rounded(100 * curve.rms)} % rms")
             lower.fill_between(
                 curve.at, -wide, wide, color=RENDER, alpha=0.25, linewidth=0, label="two standard errors"
             )

@@ -41,7 +41,7 @@ from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView
 from lightfield.report.page import PageFigure, fill, page_figure, three_digits
 from lightfield.report.tank import tank_figure
-from lightfield.wording import plain
+from lightfield.wording import plain, rounded
 
 _TAGS = {
     Kind.NONE: ("good", "nothing missing"),
@@ -298,8 +298,8 @@ def _optional(value: float | None, digits: int = 3) -> str:
 
 
 def _floor(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2g}"
+    return "–" if value is None else rounded(value)
 
 
 def _percent(value: float, digits: int = 3) -> str:
-    return f"{value:.{digits}g}" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g}"
+    return rounded(value, digits) if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g}"

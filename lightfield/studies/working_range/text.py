@@ -13,6 +13,7 @@ from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.working_range.poses import ARRAY
 from lightfield.studies.working_range.reaches import POSE_RULES, RELATIVE, Reach
 from lightfield.studies.working_range.study import WorkingRange
+from lightfield.wording import rounded
 
 
 def as_text(found: WorkingRange) -> str:
@@ -81,7 +82,7 @@ _FLAT = "A flat array that faces the lamp trades yaw against a step aside: a cur
 
 
 def _known(name: str, sigma: float) -> str:
-    return f"{np.degrees(sigma):.2g} deg" if name in LAMP_TILTS else f"{100 * sigma:.3g} %"
+    return f"{np.degrees(sigma):.2g} deg" if name in LAMP_TILTS else f"{rounded(100 * sigma, 3)} %"
 
 
 #: Directions of a pose in words, by those of `POSE_RULES`.
