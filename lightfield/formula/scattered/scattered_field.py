@@ -161,7 +161,9 @@ class _Tables:
             light[..., rows] += once.reshape(len(a), len(z), -1)
         slant = np.sqrt(1 + angles**2)
         # Of dense water nothing may be left.
-        return np.log(np.maximum(light * (behind * slant) ** 2, TINY)) + np.multiply.outer(absorption + scattering, z * slant)
+        return np.log(np.maximum(light * (behind * slant) ** 2, TINY)) + np.multiply.outer(
+            absorption + scattering, z * slant
+        )
 
     def _paths_to(
         self, phase: TracedPhase, width: float, behind_m: float, most: float, times: int
