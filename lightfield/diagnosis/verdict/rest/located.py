@@ -24,8 +24,8 @@ def located(
     within 4 of the least chi-square, everything else fitted again, about the middle of what lies within 1.
 
     Slopes at a step that takes about as long as the readings are apart know it by the one reading in its
-    middle: two of their errors held 74 % of 112 such steps in noise. Unchanged where chi-square has no end on
-    either side, or where it lies at a bound.
+    middle, or not at all: two of their errors held 74 % of 112 such steps in noise. Unchanged where chi-square
+    has no end on either side, or where it lies at a bound.
 
     Parameters
     ----------
@@ -64,5 +64,5 @@ def located(
         return estimate
     value = 0.5 * sum(map(parameter.value, near))
     one, two = (max(abs(parameter.value(u) - value) for u in of) for of in (near, ends(TWO_SIGMA)))
-    stderr = max(one, 0.5 * two, estimate.stderr or 0.0)
+    stderr = max(one, 0.5 * two)
     return estimate.model_copy(update={"value": value, "stderr": stderr, "reason": None})

@@ -71,7 +71,8 @@ def test_a_small_step_is_less_well_known() -> None:
 def test_two_errors_hold_when_a_step_was() -> None:
     """Steps at once, in noise, for a fit of which the duration is free: where it ends at some seconds, slopes
     know the time by the one reading in the middle, and two of their errors held 74 % of 112 such steps."""
-    rng, time, pulls, by_slopes = np.random.default_rng(5), 20.0 * np.arange(30), [], 0
+    rng, time, by_slopes = np.random.default_rng(5), 20.0 * np.arange(30), 0
+    pulls, wider = [], []
 
     class Slow:
         def predict(self, values: Mapping[str, float]) -> Array:
@@ -98,9 +99,11 @@ def test_two_errors_hold_when_a_step_was() -> None:
         problem = SimpleNamespace(value=value, keep=np.ones(len(value)))
         known = located(problem, fit, whiten, 1.0, "time0", told)
         assert known.stderr is not None
-        assert told.stderr is None or known.stderr >= told.stderr
         pulls.append(abs(known.value - true) / known.stderr)
+        wider.append((told.stderr or 0.0) / known.stderr)
     assert by_slopes > 15
+    # Where no reading lies in the middle slopes know nothing: 1144 ± 1378 s, of 1144 ± 8 s.
+    assert max(wider) > 3
     assert np.mean(np.array(pulls) < 1) > 0.6
     assert np.mean(np.array(pulls) < 2) > 0.93
 
