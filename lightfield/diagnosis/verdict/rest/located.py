@@ -24,8 +24,8 @@ def located(
     within 4 of the least chi-square, everything else fitted again, about the middle of what lies within 1.
 
     Slopes at a step that takes about as long as the readings are apart know it by the one reading in its
-    middle, or not at all: two of their errors held 74 % of 112 such steps in noise. Unchanged where chi-square
-    has no end on either side, or where it lies at a bound.
+    middle, or not at all: two of their errors held 74 % of 112 such steps in noise. Unchanged where
+    chi-square has no end on either side, or where it lies at a bound.
 
     Parameters
     ----------
