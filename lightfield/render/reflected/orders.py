@@ -40,7 +40,7 @@ class AtOnce(NamedTuple):
 
 
 class Operators(NamedTuple):
-    """What patches and readings exchange, for unit albedo of the brightest.
+    """What patches and readings exchange, where all patches reflect all light.
 
     Parameters
     ----------
@@ -60,9 +60,7 @@ class Operators(NamedTuple):
     among: np.ndarray
 
     @classmethod
-    def of(
-        cls, among: np.ndarray, parts: np.ndarray, terms: np.ndarray, before: np.ndarray, albedo: np.ndarray
-    ) -> Operators:
+    def of(cls, among: np.ndarray, parts: np.ndarray, terms: np.ndarray, before: np.ndarray) -> Operators:
         """Of the exchange between patches, and of their parts with the readings.
 
         Parameters
@@ -71,15 +69,15 @@ class Operators(NamedTuple):
         parts : array, shape (n, k * parts^2)
         terms : array, shape (parts^2, n_terms)
         before : array of int, shape (k,)
-        albedo : array, shape (n_patches,)
-            Of each patch over the unit.
         """
         n = len(parts)
-        seen = parts.reshape(n, len(before), len(terms)) * albedo[before, None]
-        return cls((seen @ terms).reshape(n, -1), seen.sum(axis=2), before, among * albedo)
+        seen = parts.reshape(n, len(before), len(terms))
+        return cls((seen @ terms).reshape(n, -1), seen.sum(axis=2), before, among)
 
-    def apply(self, terms: np.ndarray, patches: np.ndarray, reflections: int) -> np.ndarray:
-        """Light at the readings by number of reflections, for unit albedo, shape (reflections, n).
+    def apply(
+        self, terms: np.ndarray, patches: np.ndarray, albedo: np.ndarray, reflections: int
+    ) -> list[np.ndarray]:
+        """Light at the readings by number of reflections, of each tank, shape (reflections, n).
 
         Parameters
         ----------
@@ -87,21 +85,32 @@ class Operators(NamedTuple):
             Of the light on the patches before the readings.
         patches : array, shape (n_patches,)
             Mean irradiance of all patches.
+        albedo : array, shape (n_patches, n_tanks)
+            Of each patch, in tanks that differ by it; over that of the brightest.
         """
+        own, radiosity = albedo[self.before], albedo * patches[:, None]
         reflected = []
         for _ in range(reflections - 1):
-            patches = self.among @ patches
-            reflected.append(patches[self.before])
-        more = self.whole @ np.stack(reflected, axis=1)
-        return np.vstack([self.first @ terms.ravel(), more.T]).astype(float)
+            radiosity = albedo * (self.among @ radiosity)
+            reflected.append(radiosity[self.before])
+        later = np.array(reflected)
+        return [
+            np.vstack([self.first @ (own[:, i, None] * terms).ravel(), later[..., i] @ self.whole.T]).astype(
+                float
+            )
+            for i in range(albedo.shape[1])
+        ]
 
-    def at_once(self, reflections: int) -> AtOnce:
-        """The same in one product: as much work as `apply` for some ten lamps, and then a tenth of it."""
-        later = np.empty((reflections - 1, len(self.whole), len(self.among)), np.float32)
-        later[0] = self.whole @ self.among[self.before]
+    def at_once(self, albedo: np.ndarray, reflections: int) -> AtOnce:
+        """The same in one product, of patches of some albedo, shape (n_patches,): as much work as `apply` for
+        some ten lamps, and then a tenth of it."""
+        own, among = albedo[self.before], self.among * albedo
+        n, later = len(self.whole), np.empty((reflections - 1, len(self.whole), len(among)), np.float32)
+        later[0] = (self.whole * own) @ among[self.before]
         for i in range(1, len(later)):
-            later[i] = later[i - 1] @ self.among
-        return AtOnce(self.first, later.reshape(-1, len(self.among)))
+            later[i] = later[i - 1] @ among
+        first = (self.first.reshape(n, len(own), -1) * own[:, None]).reshape(n, -1)
+        return AtOnce(first, later.reshape(-1, len(among)))
 
 
 def terms_of_light(parts: int) -> np.ndarray:

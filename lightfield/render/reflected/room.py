@@ -151,12 +151,11 @@ class Room:
         for side in (_EVEN,) if alike_on_both_sides(lamp) else (_EVEN, _ODD):
             direct = self._in_terms(straight, side)
             mirrored = direct if by_surface is None else self._in_terms(by_surface, side)
-            for k, of in enumerate(asked):
-                water, surface = waters[of[0]], of[1]
+            for over in _over_floors(asked):
+                water, surface = waters[asked[over[0]][0]], asked[over[0]][1]
                 terms = direct[water] + np.float32(surface) * mirrored[water] if surface else direct[water]
-                whole = terms[:, 0] / self.parts  # the first term is the same all over a patch
-                found = self._exchange(of, side).apply(terms[self.before], whole, of[3])[:, self._which]
-                light[k] += found if side == _EVEN else found * self._side
+                for k, found in zip(over, self._passed([asked[k] for k in over], side, terms), strict=True):
+                    light[k] += found[:, self._which] * (1.0 if side == _EVEN else self._side)
         every = Orders.of(light)
         return [every.at(k) for k in range(len(asked))]
 
@@ -181,19 +180,32 @@ class Room:
     def _ways_of(self, lamp: Lamp, mirrored: bool) -> Ways:
         return Ways.by_surface(lamp, self.fine, self.top) if mirrored else Ways.of(lamp, self.fine)
 
-    def _exchange(self, of: _Exchange, side: float) -> Operators | AtOnce:
-        """What walls and readings exchange: of few readings, when it was often asked for, at once."""
+    def _passed(self, over: Sequence[_Exchange], side: float, terms: np.ndarray) -> list[np.ndarray]:
+        """What reaches the readings in one water, under one surface, over several floors, by number of
+        reflections, (reflections, n) each; of few readings, when it was often asked for, at once."""
+        water, surface, _, reflections = over[0]
+        before, whole = terms[self.before], terms[:, 0] / self.parts  # the first term is the same all over
+        known = [self._known_at_once(of, side) for of in over]
+        rest = [of for of, one in zip(over, known, strict=True) if one is None]
+        followed: list[np.ndarray] = []
+        if rest:
+            albedo = np.stack([self._albedo(of[2]) for of in rest], axis=1)
+            followed = self._operator(water, surface, side).apply(before, whole, albedo, reflections)
+        return [followed.pop(0) if one is None else one.apply(before, whole, reflections) for one in known]
+
+    def _known_at_once(self, of: _Exchange, side: float) -> AtOnce | None:
+        """What is known at once; for the next time, if it is asked for often and there is room."""
         each = of, side
         self._asked[each] = asked = self._asked.get(each, 0) + 1
         for reflections in _NUMBERS:  # fewer are part of more
             if reflections >= of[3] and (known := self._at_once.get(((*of[:3], reflections), side))):
                 return known
-        operator = self._operator(*of[:3], side)
-        rows, columns = of[3] * len(self.places), len(operator.among)
+        rows, columns = of[3] * len(self.places), len(self.half.centre)
         is_worth_it = asked * REFLECTIONS > OFTEN * of[3] and rows <= _LARGER * columns
         if is_worth_it and self._room_for(4 * rows * columns, asked):
-            self._at_once[each] = operator.at_once(of[3])
-        return operator
+            operator = self._operator(of[0], of[1], side)
+            self._at_once[each] = operator.at_once(self._albedo(of[2]), of[3])
+        return None
 
     def _room_for(self, size: int, asked: int) -> bool:
         """Is there room for so many bytes, when what was asked for half as often for its size makes it?"""
@@ -206,10 +218,8 @@ class Room:
             kept -= self._at_once.pop(seldom.pop(0)).later.nbytes
         return True
 
-    def _operator_in(
-        self, attenuation_per_m: float, surface: float, shares: Shares, side: float
-    ) -> Operators:
-        """What walls and readings exchange in one water, under one surface, over a floor, on one side."""
+    def _operator_in(self, attenuation_per_m: float, surface: float, side: float) -> Operators:
+        """What walls and readings exchange in one water, under one surface, on one side."""
         among, reading = self._through(attenuation_per_m, False)
         if surface:
             image = self._through(attenuation_per_m, True)
@@ -218,8 +228,11 @@ class Room:
             )
         halves = (np.split(t, 2, axis=1) for t in (among, reading))
         among, reading = (here + np.float32(side) * there for here, there in halves)
-        albedo = np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
-        return Operators.of(among, reading, self._terms, self.before, albedo)
+        return Operators.of(among, reading, self._terms, self.before)
+
+    def _albedo(self, shares: Shares) -> np.ndarray:
+        """Of the patches of one side, over that of the brightest."""
+        return np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
 
     def _through_water(self, attenuation_per_m: float, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
         """From all patches to those of one side and to the readings, straight or by the water surface."""
@@ -303,3 +316,11 @@ def between_attenuations(attenuation_per_m: np.ndarray) -> tuple[list[float], np
 def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:
     """Weights of polynomial interpolation at one place."""
     return np.array([prod((at - y) / (x - y) for y in nodes if y != x) for x in nodes])
+
+
+def _over_floors(asked: Sequence[_Exchange]) -> list[list[int]]:
+    """Which of some exchanges differ by the floor alone."""
+    alike: dict[tuple[float, float, int], list[int]] = {}
+    for k, (water, surface, _, reflections) in enumerate(asked):
+        alike.setdefault((water, surface, reflections), []).append(k)
+    return list(alike.values())

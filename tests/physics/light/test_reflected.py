@@ -290,16 +290,14 @@ def test_every_order_at_once_is_one_reflection_after_the_other() -> None:
     scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.8, "tank.floor_over_walls": 0.4})
     places = np.array([0.0, 0.6]), np.array([0.0, 0.2]), np.array([4.5, 6.5])
     room = ReflectedLight.at(scene, *places).ways.room(True)
-    followed = room._operator(0.1, 0.0, (1.0, 0.4), 1.0)
+    followed, albedo = room._operator(0.1, 0.0, 1.0), room._albedo((1.0, 0.4))
     rng = np.random.default_rng(0)
     lit = rng.random((len(room.before), followed.first.shape[1] // len(room.before))).astype(np.float32)
     whole = rng.random(len(room.half.centre)).astype(np.float32)
-    np.testing.assert_allclose(
-        followed.at_once(12).apply(lit, whole, 12), followed.apply(lit, whole, 12), rtol=2e-5
-    )
-    np.testing.assert_allclose(
-        followed.at_once(12).apply(lit, whole, 5), followed.apply(lit, whole, 5), rtol=2e-5
-    )
+    tanks = np.stack([room._albedo((1.0, 1.0)), albedo], axis=1)
+    for reflections in (12, 5):
+        found = followed.at_once(albedo, 12).apply(lit, whole, reflections)
+        np.testing.assert_allclose(found, followed.apply(lit, whole, tanks, reflections)[1], rtol=2e-5)
 
     light = ReflectedLight.at(scene, *places)
     lamps = [scene.with_values({"lamp.hwhm_deg": 15.0 + 0.1 * k}) for k in range(OFTEN + 3)]
