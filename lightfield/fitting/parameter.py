@@ -65,6 +65,10 @@ class FitParameter:
         """The same, held at the coordinate `u`."""
         return replace(self, low=u, high=u, start=u)
 
+    def end_near(self, u: float) -> float:
+        """The bound that is nearer to the coordinate `u`."""
+        return self.low if u - self.low <= self.high - u else self.high
+
     def value(self, u: float) -> float:
         """Scene value at the fit's coordinate `u`."""
         if self.coordinate == "log":

@@ -50,7 +50,7 @@ class FittedSet:
             p.path
             for c in self.explanation
             for p, off in zip(c.amplitudes, c.neutral, strict=True)
-            if not (c.is_stated and found[p.path] == off)
+            if not (c.is_stated and p.end_near(found[p.path]) == off)
         }
 
     @cached_property

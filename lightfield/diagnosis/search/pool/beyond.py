@@ -29,7 +29,7 @@ def at_ends(explanation: Explanation, fit: Fit) -> set[str]:
         p.path
         for c in explanation
         for p, off in zip(c.amplitudes, c.neutral, strict=True)
-        if p.path in bounded and at[p.path] != off
+        if p.path in bounded and p.end_near(at[p.path]) != off
     }
 
 

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from toy_problem import candidate
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.search.pool.beyond import at_ends
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.effects import Effect, registry, water
 from lightfield.readings import Readings
@@ -82,3 +86,19 @@ def test_what_makes_up_for_an_effect_at_its_end_is_not_certain(
     assert all(abs(size.value) < 3 * size.stderr for size in sizes if size.stderr is not None)
     absorption = verdict.ladder[-1].parameters["water.absorption_per_m"]
     assert abs(absorption.value - PER_M) < 3 * absorption.stderr
+
+
+@pytest.mark.parametrize("short", [0.0, 1e-10])
+def test_what_the_scene_states_and_is_not_there_lies_at_no_edge(short: float) -> None:
+    """Nor where a fit ends a rounding short of none: a saturation that was refuted by 19 sigma was not sure."""
+    plain = candidate("odd", 0.0, 1.0)
+    stated = replace(plain, amplitudes=(replace(plain.amplitudes[0], start=0.3),))
+    assert stated.is_stated
+
+    def ended(u: float) -> SimpleNamespace:
+        return SimpleNamespace(paths=("toy.odd",), by_path={"toy.odd": u}, at_bound=lambda: np.array([True]))
+
+    none, most = ended(short), ended(1.0 - short)
+    assert not FittedSet((stated,), none).at_edge and not at_ends((stated,), none)
+    assert FittedSet((plain,), none).at_edge and not at_ends((plain,), none)
+    assert FittedSet((stated,), most).at_edge and at_ends((stated,), most) == {"toy.odd"}
