@@ -90,7 +90,7 @@ def test_what_makes_up_for_an_effect_at_its_end_is_not_certain(
 
 @pytest.mark.parametrize("short", [0.0, 1e-10])
 def test_what_the_scene_states_and_is_not_there_lies_at_no_edge(short: float) -> None:
-    """Nor where a fit ends a rounding short of none: a saturation that was refuted by 19 sigma was not sure."""
+    """Nor where a fit ends a rounding short of none: a saturation refuted by 19 sigma was not sure."""
     plain = candidate("odd", 0.0, 1.0)
     stated = replace(plain, amplitudes=(replace(plain.amplitudes[0], start=0.3),))
     assert stated.is_stated
