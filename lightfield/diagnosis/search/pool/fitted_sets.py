@@ -296,8 +296,13 @@ class Pool:
         return self.diffuse < self.most_diffuse or not any(c.effect.diffuse for c in whole)
 
     def most_effects(self, reach: float) -> int:
-        """Of a set that leaves nothing but noise, or as little as any does, and costs no more than this above
-        the best."""
+        """Of a set that might be the best, did it leave nothing but noise, or as little as any does.
+
+        Parameters
+        ----------
+        reach : float
+            Cost that it may have above the best then: larger sets take more of the noise.
+        """
         spare = float(self.problem.keep.sum()) - len(self.problem.base)
         least = min(spare, min(node.chi2 for node in self.nodes.values()) / self.ground.phi)
         each = min(map(self.ground.price, self.problem.candidates), default=1.0)

@@ -51,8 +51,8 @@ def first(pool: Pool, _: FittedSet) -> FittedSet:
     all."""
     base = pool.nodes[frozenset()]
     # Where scattered light or a curve is what is missing, names that act on direct light alone pile up in its
-    # place, and all that is tried beside them takes its time. By how much scattering does is not what a step
-    # from clear water promises.
+    # place, and all that is tried beside them takes its time. What scattering does is more than a step from
+    # clear water promises.
     forward(pool, base, _BEAM_AGAIN, _FITS_AGAIN, everything, _SMALL, anyway=by_scattering)
     polish(pool, everything)
     # Scattered and reflected light takes its time: first without.

@@ -4,6 +4,7 @@ they may be the best."""
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -65,16 +66,18 @@ def test_what_promises_nothing_is_fitted_where_it_is_asked_for_anyway() -> None:
     assert found.names == {"fringe", "odd"}
 
 
-@pytest.mark.parametrize("reach", [0.0, 40.0])
-def test_no_set_of_more_effects_costs_so_little(reach: float) -> None:
-    """Did it leave nothing but noise: as many effects as the price of one allows, and no more."""
+@pytest.mark.parametrize("reach", [0.0, 8.0, 40.0])
+def test_no_set_of_more_effects_is_better(reach: float) -> None:
+    """Beside every set with one effect more than that, fitted; and one of so many might be, without noise."""
     made = toy()
     pool = pool_of(made, made.drawn(np.random.default_rng(1), odd=9.0, dusk=-9.0))
     by = {c.name: c for c in pool.problem.candidates}
     best = pool.fit((by["odd"], by["dusk"]), [Begin({})])
-    price, most = pool.ground.price(by["odd"]), pool.most_effects(reach)
-    least = min(float(pool.problem.keep.sum()) - len(pool.problem.base), best.chi2)
-    assert most * price + least <= pool.cost(best) + reach < (most + 1) * price + least
+    most = pool.most_effects(reach)
+    assert 2 <= most < len(by)
+    larger = [pool.fit(some, [Begin({})]) for some in combinations(pool.problem.candidates, most + 1)]
+    assert min(map(pool.cost, larger)) > pool.cost(best)
+    assert most * pool.ground.price(by["odd"]) + best.chi2 <= pool.cost(best) + reach
 
 
 def test_names_are_no_longer_mended_where_a_small_set_with_a_curve_left_them_behind(
