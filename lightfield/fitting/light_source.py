@@ -267,7 +267,7 @@ def _diffuse(values: Mapping[str, float]) -> dict[str, float]:
 
 @lru_cache(_PATHS)
 def _makes_diffuse(path: str) -> bool:
-    return bool(acts_on(path) & (DIFFUSE | Acts.FLOOR | Acts.WAVES))
+    return bool(acts_on(path) & (DIFFUSE | Acts.FACES | Acts.WAVES))
 
 
 def beyond_table(scene: Scene, readings: Readings) -> Mask:

@@ -29,7 +29,7 @@ class Acts(Flag):
     PHASE = auto()  #: phase function
     BOX = auto()  #: where walls, floor, ends and top are
     REFLECTION = auto()  #: how much light walls and surface send back
-    FLOOR = auto()  #: how much the floor sends back beside the walls
+    FACES = auto()  #: how much floor and far end send back beside the walls
     WAVES = auto()  #: how the water surface is tilted
     RECEIVER = auto()  #: response to the direction of arrival
     MOTION = auto()  #: how far from where they are said to be places are read while the detector moves
@@ -38,7 +38,7 @@ class Acts(Flag):
 
 
 #: What a photon's walk and its tally depend on; all else is weighed afterwards, or is the reference water.
-_IN_TANK = Acts.BOX | Acts.FLOOR | Acts.WAVES
+_IN_TANK = Acts.BOX | Acts.FACES | Acts.WAVES
 TRACED = Acts.BEAM | Acts.SOURCE | Acts.LAYERS | Acts.PHASE | _IN_TANK | Acts.RECEIVER
 #: What makes scattered and reflected light.
 DIFFUSE = Acts.SCATTERING | Acts.PHASE | Acts.REFLECTION

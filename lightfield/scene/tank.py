@@ -44,7 +44,11 @@ class Tank(Part):
     )  # fmt: skip
     floor_over_walls: float = number(
         1.0, "1", "albedo of the floor over that of the walls; the floor reflects all at most",
-        Acts.FLOOR, low=0.0, high=100.0, neutral=1.0, later=True,
+        Acts.FACES, low=0.0, high=100.0, neutral=1.0, later=True,
+    )  # fmt: skip
+    end_over_walls: float = number(
+        1.0, "1", "albedo of the far end over that of the walls; the end reflects all at most",
+        Acts.FACES, low=0.0, high=100.0, neutral=1.0, later=True,
     )  # fmt: skip
     surface: Literal["none", "flat"] = declare(
         "none", "top: a lid like the walls, or a flat water surface", Acts.REFLECTION
@@ -110,6 +114,16 @@ class Tank(Part):
     def floor_share(self) -> float:
         """Albedo of the floor over that of the walls, so that it reflects all at most."""
         return min(self.floor_over_walls, 1.0 / self.wall_albedo if self.wall_albedo else inf)
+
+    @property
+    def end_share(self) -> float:
+        """The same of the far end, at the highest z."""
+        return min(self.end_over_walls, 1.0 / self.wall_albedo if self.wall_albedo else inf)
+
+    @property
+    def is_all_alike(self) -> bool:
+        """Do floor and far end reflect as the walls do?"""
+        return self.wall_albedo == 0 or (self.floor_share == 1 and self.end_share == 1)
 
     @property
     def slope(self) -> float:

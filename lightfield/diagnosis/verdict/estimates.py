@@ -12,7 +12,7 @@ from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
 #: What reflects all at most, however large it is stated.
-_FLOOR = "tank.floor_over_walls"
+_FLOOR, _END = "tank.floor_over_walls", "tank.end_over_walls"
 #: An error that is no smaller than this part of the stated one says nothing new. Chosen: words alone.
 _ALIKE = 0.95
 
@@ -35,7 +35,7 @@ def estimates(
     least_of_set : mapping, optional
         The same, were the effects that are fitted all that act; None: that is not told.
     """
-    errors, bound, most = fit.stderr(scale), fit.at_bound(), _white_floor(fit)
+    errors, bound, most = fit.stderr(scale), fit.at_bound(), _white_faces(fit)
     out = {}
     for i, path in enumerate(fit.paths):
         value, error = (
@@ -65,11 +65,12 @@ def estimates(
     return out
 
 
-def _white_floor(fit: Fit) -> dict[str, float]:
-    """Albedo over that of the walls of a floor that reflects all, where a fit asks for more; by its path."""
-    forward = fit.model.forward if _FLOOR in fit.paths else None
+def _white_faces(fit: Fit) -> dict[str, float]:
+    """Albedo over the walls' of a floor or end that reflects all, where a fit asks for more; by its path."""
+    forward = fit.model.forward if {_FLOOR, _END} & set(fit.paths) else None
     tank = forward.scenes.at(fit.values, validate=False).tank if isinstance(forward, SceneForward) else None
-    return {_FLOOR: tank.floor_share} if tank is not None and tank.floor_share < fit.values[_FLOOR] else {}
+    white = {} if tank is None else {_FLOOR: tank.floor_share, _END: tank.end_share}
+    return {path: share for path, share in white.items() if share < fit.values.get(path, 0.0)}
 
 
 def units_of(scene: Scene) -> dict[str, str]:

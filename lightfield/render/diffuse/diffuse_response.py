@@ -129,7 +129,7 @@ class DiffuseResponse:
                 if parts:
                     in_cells = self._in_cells(parts, len(a))
                     light += share[:, None] * self._at_readings(scene, a + b, in_cells)
-                    light += share[:, None] * self._by_floor(scene, a + b, parts)
+                    light += share[:, None] * self._by_faces(scene, a + b, parts)
         return light + self._unscattered(scene, a + b) if REFLECTED[0] in kinds else light
 
     def errors(
@@ -177,10 +177,10 @@ class DiffuseResponse:
             light += own
             uncertain = sum((part.uncertain for part in parts.values()), np.zeros_like(in_cells))
             often += (share[:, None] * self._at_readings(scene, a + b, uncertain))[mine]
-            by_floor = share[:, None] * self._by_floor(scene, a + b, parts)
+            by_faces = share[:, None] * self._by_faces(scene, a + b, parts)
             from_walls = {kind: part for kind, part in parts.items() if kind in FROM_WALLS}
             seen = self._at_readings(scene, a + b, self._in_cells(from_walls, len(a)))
-            guessed += (np.abs(by_floor) + share[:, None] * seen * dimmed)[mine]
+            guessed += (np.abs(by_faces) + share[:, None] * seen * dimmed)[mine]
         smooth = SCATTERED_ERROR * light + often
         if REFLECTED[0] in kinds:
             straight = self._unscattered(scene, a + b)
@@ -234,16 +234,16 @@ class DiffuseResponse:
         seen = seen * _from_behind(scene.lamp.apparent_distance_m, attenuation, z, r)
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
-    def _by_floor(self, scene: Scene, attenuation: Array, parts: dict[int, ClassLight]) -> Array | float:
-        """What a floor that is no wall adds to scattered light of walls, which is traced with one like them.
+    def _by_faces(self, scene: Scene, attenuation: Array, parts: dict[int, ClassLight]) -> Array | float:
+        """What floor and far end, if no walls, add to scattered light of walls, traced with those like them.
 
         As it adds to light that was not scattered. Shape (n_waters, n).
         """
         walls = {kind: part for kind, part in parts.items() if kind in FROM_WALLS}
         tank = scene.tank
-        if self.reflected is None or tank is None or tank.floor_share == 1 or not walls:
+        if self.reflected is None or tank is None or tank.is_all_alike or not walls:
             return 0.0
-        more = self.reflected.by_floor(scene, attenuation) - 1.0
+        more = self.reflected.by_faces(scene, attenuation) - 1.0
         return more * self._at_readings(scene, attenuation, self._in_cells(walls, len(attenuation)))
 
     def _through_layers(self, scene: Scene, part: float = 1.0) -> Array:

@@ -135,11 +135,12 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
             found="water that changes in time or within the band, an apparent source, or two traces",
             rule="one trace, in steady water, from a lamp at the window",
         )
-    if scene.tank is not None and scene.tank.floor_share != 1 and any(scene.reflectances):
+    tank = scene.tank
+    if tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and any(scene.reflectances):
         raise RenderError(
             "this light is not to be had as plain arrays",
-            found="a floor that is no wall, beneath light that is scattered and reflected",
-            rule="walls and floor of one albedo",
+            found="a floor or an end that is no wall, beside light that is scattered and reflected",
+            rule="walls, floor and ends of one albedo",
         )
     lights, classes = _lights(response.clear, scene), []
     for light, kinds in lights:

@@ -235,6 +235,6 @@ def _traced_scene(
     shape = SHAPES.get(scene.water.phase.type)
     if shape is not None:
         values[shape.path] = shape.usual
-    reweighed = Acts.LAYERS | Acts.FLOOR if applies(scene) else Acts.LAYERS
+    reweighed = Acts.LAYERS | Acts.FACES if applies(scene) else Acts.LAYERS
     plain = without(scene, reweighed).model_copy(update={"lamp": lamp})
     return plain.with_values(values, validate=False)

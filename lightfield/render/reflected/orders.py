@@ -76,8 +76,8 @@ class Operators(NamedTuple):
 
     def apply(
         self, terms: np.ndarray, patches: np.ndarray, albedo: np.ndarray, reflections: int
-    ) -> list[np.ndarray]:
-        """Light at the readings by number of reflections, of each tank, shape (reflections, n).
+    ) -> np.ndarray:
+        """Light at the readings by number of reflections, shape (reflections, n).
 
         Parameters
         ----------
@@ -85,21 +85,16 @@ class Operators(NamedTuple):
             Of the light on the patches before the readings.
         patches : array, shape (n_patches,)
             Mean irradiance of all patches.
-        albedo : array, shape (n_patches, n_tanks)
-            Of each patch, in tanks that differ by it; over that of the brightest.
+        albedo : array, shape (n_patches,)
+            Of each patch, over that of the brightest.
         """
-        own, radiosity = albedo[self.before], albedo * patches[:, None]
+        own, radiosity = albedo[self.before], albedo * patches
         reflected = []
         for _ in range(reflections - 1):
             radiosity = albedo * (self.among @ radiosity)
             reflected.append(radiosity[self.before])
-        later = np.array(reflected)
-        return [
-            np.vstack([self.first @ (own[:, i, None] * terms).ravel(), later[..., i] @ self.whole.T]).astype(
-                float
-            )
-            for i in range(albedo.shape[1])
-        ]
+        once = self.first @ (own[:, None] * terms).ravel()
+        return np.vstack([once, np.array(reflected) @ self.whole.T]).astype(float)
 
     def at_once(self, albedo: np.ndarray, reflections: int) -> AtOnce:
         """The same in one product, of patches of some albedo, shape (n_patches,): as much work as `apply` for

@@ -136,13 +136,13 @@ class ReflectedLight:
         image = self._image(scene.lamp, attenuation_per_m, tank)
         return np.asarray(MORE_FACETS * tank.surface_reflectance * image[:, self.which])
 
-    def by_floor(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
-        """Light from walls and floor over that of a floor like the walls, shape (n_waters, n)."""
+    def by_faces(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
+        """Light from the walls over that of a floor and a far end like them, shape (n_waters, n)."""
         tank = scene.tank
-        if tank is None or tank.floor_share == 1 or not tank.wall_albedo:
+        if tank is None or tank.is_all_alike:
             return np.ones((len(attenuation_per_m), len(self.which)))
         room = self.ways.room(tank.surface_reflectance == 0)
-        like_walls = tank.model_copy(update={"floor_over_walls": 1.0})
+        like_walls = tank.model_copy(update={"floor_over_walls": 1.0, "end_over_walls": 1.0})
         light, plain = (room.light(scene.lamp, attenuation_per_m, t) for t in (tank, like_walls))
         ratio = np.divide(light, plain, out=np.ones_like(light), where=plain > 0)
         return np.asarray(ratio[:, self.which])

@@ -6,7 +6,8 @@ the surface between which it is interpolated.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from math import prod, sqrt
 
@@ -36,13 +37,12 @@ C_STEP, _SHORT_STEPS = 0.025, 6
 #: Reflectances of the surface, as far as a scene may say: without the last light between walls of 0.5 was
 #: 0.9 % too dark at 1.3, and 1.9 % at 1.5; with it light is right to 0.04 % there.
 SURFACE_NODES = (0.0, 0.5, 1.0, 1.5)
-#: Albedo of the darker of walls and floor over that of the other: light of one reflection is linear in it.
-_FLOOR_NODES = (0.0, 0.3, 0.7, 1.0)
-#: The normal of the floor has a y above this, that of walls none, and that of a lid looks down.
-_UPWARDS = 0.5
-#: Of walls and floor: albedo over that of the brighter of the two.
-Shares = tuple[float, float]
-#: Attenuation, m^-1, surface reflectance, shares of walls and floor, reflections that are followed.
+#: The normal of the floor has a y above this, that of walls none, and that of a lid looks down; the far end's
+#: has a z below the negative.
+_FACING = 0.5
+#: Of walls, floor and far end: albedo over that of the brightest of the three.
+Shares = tuple[float, float, float]
+#: Attenuation, m^-1, surface reflectance, shares of the faces, reflections that are followed.
 _Exchange = tuple[float, float, Shares, int]
 #: Of these numbers of reflections.
 _NUMBERS = (*FEWER, REFLECTIONS)
@@ -104,19 +104,19 @@ class Room:
         self._ways = lru_cache(KEPT_LAMPS)(self._ways_of)
         waters = int(np.clip(_THROUGH_BYTES / (4 * len(self.fine.centre)), _FEWEST, _KEPT_WATERS))
         self._dimmed = lru_cache(waters)(lambda at, mirrored, c: self._ways(at, mirrored).through(c))
-        self._is_floor = self.half.normal[:, 1] > _UPWARDS
-        #: Light of a lamp at the readings.
-        self._known: Callable[[Lamp], dict[_Exchange, Orders]]
-        lamps = _KEPT_BYTES / (4 * 8 * REFLECTIONS * len(places))
-        self._known = lru_cache(int(np.clip(lamps, _FEWEST, KEPT_LAMPS)))(lambda lamp: {})
+        self._is_floor = self.half.normal[:, 1] > _FACING
+        self._is_end = self.half.normal[:, 2] < -_FACING
+        #: Light at the readings, of lamps by their number.
+        kept = int(np.clip(_KEPT_BYTES / (8 * REFLECTIONS * len(places)), 4 * _FEWEST, 4 * KEPT_LAMPS))
+        self._known, count = Latest[tuple[int, _Exchange], Orders](kept), itertools.count()
+        self._number = lru_cache(KEPT_LAMPS)(lambda lamp: next(count))
 
     def light(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n_waters, n).
 
         Worked out at a few attenuations and reflectances, and interpolated: the logarithm of every order is
         nearly linear in the first (cubic between four nodes, which leaves no jump), light itself a low
-        polynomial in the second, and in the albedo of the darker of walls and floor over that of the other.
-        A fit that moves the water, the walls, the floor or the surface then costs nothing new.
+        polynomial in the second. A fit that moves the water, all walls or the surface then costs nothing new.
 
         Parameters
         ----------
@@ -124,38 +124,35 @@ class Room:
         tank : Tank
             Albedos and surface reflectance.
         """
-        surface, share = tank.surface_reflectance, tank.floor_share
-        albedo, darker = tank.wall_albedo * max(share, 1.0), min(share, 1.0 / share if share else 0.0)
-        dim = _FLOOR_NODES if share != 1 else (1.0,)
-        shares = [(1.0, d) if share <= 1 else (d, 1.0) for d in dim]
+        surface = tank.surface_reflectance
+        albedo, shares = _faces(tank)
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
         nodes, along_c = between_attenuations(attenuation_per_m)
-        under = [(m, w, reflections_of(albedo)) for w in shares for m in mirrors]
-        known, every = self._known(lamp), []
-        asked = [[(c, *each) for c in nodes] for each in under]
-        missing = sorted(of for one in asked for of in one if of not in known)  # water by water
-        known.update(zip(missing, self._reached(lamp, missing), strict=True))
-        for one in asked:
-            every.append(Orders.between([known[of] for of in one], along_c).for_albedo(albedo))
-        weights = np.outer(lagrange(dim, darker if len(dim) > 1 else 1.0), lagrange(mirrors, surface))
-        return np.asarray(np.tensordot(weights.ravel(), np.array(every), axes=1))
+        under = [(m, shares, reflections_of(albedo)) for m in mirrors]
+        asked, mine = [[(c, *each) for c in nodes] for each in under], self._number(lamp)
+        reached = {of: self._known[mine, of] for one in asked for of in one if (mine, of) in self._known}
+        missing = sorted(of for one in asked for of in one if of not in reached)  # water by water
+        for of, found in zip(missing, self._reached(lamp, missing), strict=True):
+            reached[of] = self._known[mine, of] = found
+        every = [Orders.between([reached[of] for of in one], along_c).for_albedo(albedo) for one in asked]
+        return np.asarray(np.tensordot(lagrange(mirrors, surface), np.array(every), axes=1))
 
     def _reached(self, lamp: Lamp, asked: Sequence[_Exchange]) -> list[Orders]:
-        """Light at the readings in several waters, under several surfaces, over several floors."""
+        """Light at the readings in several waters, under several surfaces, between walls of some albedos."""
         if not asked:
             return []
         waters = {c: k for k, c in enumerate(dict.fromkeys(of[0] for of in asked))}
         straight = self.lit(lamp, False, list(waters))
         by_surface = self.lit(lamp, True, list(waters)) if any(of[1] for of in asked) else None
-        light = np.zeros((len(asked), max(of[3] for of in asked), len(self._which)))
+        light = np.zeros((len(asked), asked[0][3], len(self._which)))
         for side in (_EVEN,) if alike_on_both_sides(lamp) else (_EVEN, _ODD):
             direct = self._in_terms(straight, side)
             mirrored = direct if by_surface is None else self._in_terms(by_surface, side)
-            for over in _over_floors(asked):
-                water, surface = waters[asked[over[0]][0]], asked[over[0]][1]
-                terms = direct[water] + np.float32(surface) * mirrored[water] if surface else direct[water]
-                for k, found in zip(over, self._passed([asked[k] for k in over], side, terms), strict=True):
-                    light[k] += found[:, self._which] * (1.0 if side == _EVEN else self._side)
+            for k, of in enumerate(asked):
+                water = waters[of[0]]
+                terms = direct[water] + np.float32(of[1]) * mirrored[water] if of[1] else direct[water]
+                found = self._passed(of, side, terms)
+                light[k] += found[:, self._which] * (1.0 if side == _EVEN else self._side)
         every = Orders.of(light)
         return [every.at(k) for k in range(len(asked))]
 
@@ -180,18 +177,13 @@ class Room:
     def _ways_of(self, lamp: Lamp, mirrored: bool) -> Ways:
         return Ways.by_surface(lamp, self.fine, self.top) if mirrored else Ways.of(lamp, self.fine)
 
-    def _passed(self, over: Sequence[_Exchange], side: float, terms: np.ndarray) -> list[np.ndarray]:
-        """What reaches the readings in one water, under one surface, over several floors, by number of
-        reflections, (reflections, n) each; of few readings, when it was often asked for, at once."""
-        water, surface, _, reflections = over[0]
+    def _passed(self, of: _Exchange, side: float, terms: np.ndarray) -> np.ndarray:
+        """What reaches the readings by number of reflections, (reflections, n); of few readings, when it was
+        often asked for, at once."""
         before, whole = terms[self.before], terms[:, 0] / self.parts  # the first term is the same all over
-        known = [self._known_at_once(of, side) for of in over]
-        rest = [of for of, one in zip(over, known, strict=True) if one is None]
-        followed: list[np.ndarray] = []
-        if rest:
-            albedo = np.stack([self._albedo(of[2]) for of in rest], axis=1)
-            followed = self._operator(water, surface, side).apply(before, whole, albedo, reflections)
-        return [followed.pop(0) if one is None else one.apply(before, whole, reflections) for one in known]
+        if (known := self._known_at_once(of, side)) is not None:
+            return known.apply(before, whole, of[3])
+        return self._operator(*of[:2], side).apply(before, whole, self._albedo(of[2]), of[3])
 
     def _known_at_once(self, of: _Exchange, side: float) -> AtOnce | None:
         """What is known at once; for the next time, if it is asked for often and there is room."""
@@ -232,7 +224,8 @@ class Room:
 
     def _albedo(self, shares: Shares) -> np.ndarray:
         """Of the patches of one side, over that of the brightest."""
-        return np.where(self._is_floor, np.float32(shares[1]), np.float32(shares[0]))
+        walls, floor, end = (np.float32(share) for share in shares)
+        return np.where(self._is_floor, floor, np.where(self._is_end, end, walls))
 
     def _through_water(self, attenuation_per_m: float, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
         """From all patches to those of one side and to the readings, straight or by the water surface."""
@@ -318,9 +311,8 @@ def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:
     return np.array([prod((at - y) / (x - y) for y in nodes if y != x) for x in nodes])
 
 
-def _over_floors(asked: Sequence[_Exchange]) -> list[list[int]]:
-    """Which of some exchanges differ by the floor alone."""
-    alike: dict[tuple[float, float, int], list[int]] = {}
-    for k, (water, surface, _, reflections) in enumerate(asked):
-        alike.setdefault((water, surface, reflections), []).append(k)
-    return list(alike.values())
+def _faces(tank: Tank) -> tuple[float, Shares]:
+    """Albedo of the brightest of walls, floor and far end, and the shares of the three."""
+    walls, floor, end = 1.0, tank.floor_share, tank.end_share
+    most = max(walls, floor, end)
+    return tank.wall_albedo * most, (walls / most, floor / most, end / most)

@@ -194,9 +194,9 @@ def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str,
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
         reach = open_water_m(scene_grid(scene))
         return {"open_water": {"type": "sphere", "radius": reach, "flip_normals": True, "bsdf": black}}
-    wall, ground = (
+    wall, ground, far = (
         {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": albedo}}}
-        for albedo in (wall_albedo, wall_albedo * tank.floor_share)
+        for albedo in wall_albedo * np.array([1.0, tank.floor_share, tank.end_share])
     )
     top: dict[str, Any] = wall
     if surface is not None:
@@ -221,7 +221,7 @@ def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str,
         "right": rectangle([half, mid_y, mid_z], [0, 1, 0], -90, size_z, size_y, wall),
         "floor": rectangle([0, floor, mid_z], [1, 0, 0], -90, size_x, size_z, ground),
         "back": rectangle([0, mid_y, back], [0, 1, 0], 0, size_x, size_y, wall),
-        "end": rectangle([0, mid_y, end], [0, 1, 0], 180, size_x, size_y, wall),
+        "end": rectangle([0, mid_y, end], [0, 1, 0], 180, size_x, size_y, far),
         # Normal up into the air: the dielectric's inside, below it, is water.
         "surface": rectangle([0, ceiling, mid_z], [1, 0, 0], -90, size_x, size_z, top),
     }

@@ -121,7 +121,7 @@ class Box:
     Parameters
     ----------
     wall_albedo : float
-        Of a floor as many times more as the tank says.
+        Of floor and far end as many times more as the tank says.
     surface_reflectance : float, optional
         Factor on the Fresnel reflectance of the water surface; None: a lid like the walls.
     """
@@ -135,6 +135,7 @@ class Box:
         self.high = mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in high))
         self.albedo = dr.opaque(mi.Float, float(wall_albedo))
         self.floor = dr.opaque(mi.Float, float(wall_albedo) * tank.floor_share)
+        self.end = dr.opaque(mi.Float, float(wall_albedo) * tank.end_share)
         self.surface = dr.opaque(mi.Float, float(surface_reflectance or 0.0))
         wavy = self.has_surface and tank.surface_slope_deg > 0
         self.rough = dr.opaque(mi.Float, beckmann(tank)) if wavy else None
@@ -159,6 +160,7 @@ class Box:
         at = mi.Point3f(dr.select(axis > 0, wall, position))
         diffuse = mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(turn))
         albedo = dr.select(lid_or_floor & (direction.y < 0), self.floor, self.albedo)
+        albedo = dr.select(back_or_end & (direction.z > 0), self.end, albedo)
         if not self.has_surface:
             return Bounce(albedo, mi.Bool(False), at, diffuse)
         smooth = lid_or_floor & (direction.y > 0)

@@ -1,4 +1,5 @@
-"""A floor that reflects otherwise than walls: against a sum over the floor, a full trace, and in a fit."""
+"""A floor or a far end that reflects otherwise than walls: against a sum over the floor, a full trace, and in
+a fit."""
 
 from __future__ import annotations
 
@@ -55,11 +56,14 @@ def test_light_of_a_floor_alone_is_a_sum_over_it() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.02)
 
 
-@pytest.mark.parametrize(("walls", "floor"), [(0.15, 4.0), (0.6, 0.2)])
-def test_the_traced_floor_is_the_one_of_patches(walls: float, floor: float) -> None:
+@pytest.mark.parametrize(
+    ("walls", "floor", "end"), [(0.15, 4.0, 1.0), (0.6, 0.2, 1.0), (0.6, 1.0, 0.0), (0.2, 2.0, 4.0)]
+)
+def test_traced_faces_are_those_of_patches(walls: float, floor: float, end: float) -> None:
     """The walk of photons and the exchange between patches: the mean over every cell within its error."""
-    lit = scene(walls, floor).with_values({"detector.width_m": 1.6, "detector.height_m": 1.0})
-    lit = lit.with_values({"detector.pixels": 4})
+    short = {"tank.length_m": 4.5, "lamp.hwhm_deg": 12.0}
+    read = {"detector.width_m": 1.6, "detector.height_m": 1.0, "detector.pixels": 4}
+    lit = scene(walls, floor, end_over_walls=end).with_values(short | read)
     rendering = render_scene(lit, max_photons=1e6, rel_error=0.001)
     ((traced,), (stderr,)) = (v[0] for v in rendering.relative_maps(np.array([525.0]), "diffuse"))
     grid = rendering.grid
@@ -69,9 +73,8 @@ def test_the_traced_floor_is_the_one_of_patches(walls: float, floor: float) -> N
     y = (v[:, None] + np.tile(part, 6) * grid.pitch_y_m).ravel()
     z = np.full(x.size, 3.0)
     room = ReflectedLight.at(lit, x, y, z)
-    known, plain = (
-        room.evaluate(s, PER_M).reshape(u.size, -1).mean(axis=1) for s in (lit, scene(walls, 1.0))
-    )
+    faces = lit, scene(walls, 1.0).with_values(short)
+    known, plain = (room.evaluate(each, PER_M).reshape(u.size, -1).mean(axis=1) for each in faces)
     off = (traced.ravel() - known) / np.hypot(stderr.ravel(), 0.01 * known)
     assert np.abs(off).max() < 4.5 and np.mean(off**2) < 2.5
     assert np.abs(known / plain - 1).max() > 0.2 > 3 * np.median(stderr.ravel() / known)

@@ -25,13 +25,15 @@ def flights() -> tuple[mi.Point3f, mi.Vector3f]:
     return mi.Point3f(*map(mi.Float, start)), mi.Vector3f(*map(mi.Float, direction))
 
 
-@pytest.mark.parametrize(("surface", "floor"), [(None, 1.0), (0.8, 1.0), (0.8, 0.3)])
-def test_box_meets_and_reflects_as_mitsuba_does(surface: float | None, floor: float) -> None:
+@pytest.mark.parametrize(
+    ("surface", "floor", "end"), [(None, 1.0, 1.0), (0.8, 1.0, 1.0), (0.8, 0.3, 1.0), (None, 1.0, 0.2)]
+)
+def test_box_meets_and_reflects_as_mitsuba_does(surface: float | None, floor: float, end: float) -> None:
     """Distance, reflected part and mirrored directions of every flight; the mean of the diffuse ones."""
     from lightfield.render.tracer.build import shapes
     from lightfield.render.tracer.surfaces import Box, Shapes
 
-    tank = TANK.model_copy(update={"floor_over_walls": floor})
+    tank = TANK.model_copy(update={"floor_over_walls": floor, "end_over_walls": end})
     scene = Scene.from_dict({"tank": tank.model_dump(), "detector": {"planes_m": [3.0]}})
     loaded = mi.load_dict({"type": "scene", **shapes(scene, 0.6, surface)})
     position, direction = flights()

@@ -140,7 +140,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.PHASE: lambda s: phase_function(s.water.phase).pdf(np.array([0.9, 0.0, -0.5])),
     Acts.BOX: lambda s: s.tank.box_m,
     Acts.REFLECTION: lambda s: (s.tank.wall_albedo, s.tank.surface_reflectance),
-    Acts.FLOOR: lambda s: s.tank.floor_share,
+    Acts.FACES: lambda s: (s.tank.floor_share, s.tank.end_share),
     Acts.WAVES: lambda s: s.tank.surface_slope_deg,
     Acts.RECEIVER: _receiver,
     Acts.MOTION: _motion,
