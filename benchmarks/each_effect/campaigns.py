@@ -92,6 +92,11 @@ CAMPAIGNS = (
     ),
     Campaign("walls", _scene({}, hwhm_deg=14.0), "line", ("wall_reflection",)),
     Campaign("grey walls", _scene({"wall_albedo": 0.3}, hwhm_deg=14.0), "column", ("floor_reflection",)),
+    Campaign(
+        "short tank",
+        _scene({"wall_albedo": 0.7, "length_m": 5.5}, planes_m=(1.5, 2.5, 3.5, 4.5), hwhm_deg=14.0),
+        "column", ("end_reflection",),
+    ),
     Campaign("column", _scene({}, hwhm_deg=14.0), "column", ("surface_reflection",)),
     Campaign("open surface", _scene({"surface": "flat"}, hwhm_deg=14.0), "column", ("waves",)),
     Campaign("air", _scene(), "air", ("window_refraction", "immersion")),

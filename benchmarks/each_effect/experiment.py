@@ -22,7 +22,7 @@ from lightfield.scene import Scene
 
 NOISES = (0.005, 0.01)
 PHOTONS = 1e8
-_FLOOR = "tank.floor_over_walls"
+_FLOOR, _END = "tank.floor_over_walls", "tank.end_over_walls"
 Row = dict[str, Any]
 
 
@@ -64,8 +64,9 @@ def _run(trial: Trial) -> Row:
     verdict = diagnose(readings, believed).verdict
     row = {"n": len(clean), "cpu_seconds": time.process_time() - begun} | as_data(verdict)
     values = dict(trial.values)
-    if truth.tank is not None and _FLOOR in values:
-        values[_FLOOR] = truth.tank.floor_share  # no floor reflects more than all
+    if truth.tank is not None:  # where no part of it reflects more than all
+        shares = {_FLOOR: truth.tank.floor_share, _END: truth.tank.end_share}
+        values |= {path: share for path, share in shares.items() if path in values}
     pulls = {
         path: (estimate.value - values[path]) / estimate.stderr
         for one in verdict.found

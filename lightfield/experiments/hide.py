@@ -38,7 +38,9 @@ TABLE = "table"
 #: Files of a riddle; the last tells that the others are one.
 WRITTEN = ("scene.toml", "data.csv", "truth.json")
 #: What shows only beside walls, or a surface, that reflect.
-_FLOOR, _WAVES = "tank.floor_over_walls", "tank.surface_slope_deg"
+_WAVES = "tank.surface_slope_deg"
+#: Parts of the tank that reflect beside the walls, by the effect that moves them.
+_FACES = {"tank.floor_over_walls": "floor_reflection", "tank.end_over_walls": "end_reflection"}
 #: Where a scene says that its lamp is that of a table.
 _PROFILE, _TABLE = "lamp.profile", "lamp.intensity_table"
 
@@ -314,12 +316,13 @@ def hide(
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
-    if _FLOOR in hidden and truth.tank is not None and truth.tank.wall_albedo == 0:
-        raise UsageError(
-            "this effect cannot act here",
-            found="floor_reflection: the walls are black",
-            remedy="hide wall_reflection too, or state tank.wall_albedo",
-        )
+    for path, name in _FACES.items():
+        if path in hidden and truth.tank is not None and truth.tank.wall_albedo == 0:
+            raise UsageError(
+                "this effect cannot act here",
+                found=f"{name}: the walls are black",
+                remedy="hide wall_reflection too, or state tank.wall_albedo",
+            )
     if _WAVES in hidden and truth.tank is not None and truth.tank.surface_reflectance == 0:
         raise UsageError(
             "this effect cannot act here",

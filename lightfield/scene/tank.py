@@ -121,9 +121,9 @@ class Tank(Part):
         return min(self.end_over_walls, 1.0 / self.wall_albedo if self.wall_albedo else inf)
 
     @property
-    def is_all_alike(self) -> bool:
-        """Do floor and far end reflect as the walls do?"""
-        return self.wall_albedo == 0 or (self.floor_share == 1 and self.end_share == 1)
+    def brightest_over_walls(self) -> float:
+        """Albedo of the brightest of walls, floor and far end over that of the walls."""
+        return max(1.0, self.floor_over_walls, self.end_over_walls)
 
     @property
     def slope(self) -> float:

@@ -25,6 +25,16 @@ EFFECTS = (
         needs=("tank",),
     ),
     Effect(
+        "end_reflection",
+        "diffuse light",
+        (Form("other albedo", (Free("tank.end_over_walls", 0.0, 20.0, 0.5),)),),
+        "The far end reflects more than the walls (a white screen, a door), or less (a black curtain).",
+        "Beside reflecting walls: more or less light that comes back from where the beam ends; of a narrow "
+        "beam in a short tank that is most of what walls send.",
+        "Hang a black cloth on the far end, or take it away; read near the far end and near the lamp.",
+        needs=("tank",),
+    ),
+    Effect(
         "surface_reflection",
         "diffuse light",
         # Were its end where water has it, fits of a plain surface would lie there, without an error.

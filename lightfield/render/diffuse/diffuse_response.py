@@ -235,13 +235,12 @@ class DiffuseResponse:
         return self.shift.apply(seen, scene.lamp.offset_x_m, scene.lamp.offset_y_m)
 
     def _by_faces(self, scene: Scene, attenuation: Array, parts: dict[int, ClassLight]) -> Array | float:
-        """What floor and far end, if no walls, add to scattered light of walls, traced with those like them.
+        """What another floor or far end than the traced ones adds to light of walls that was scattered too.
 
         As it adds to light that was not scattered. Shape (n_waters, n).
         """
         walls = {kind: part for kind, part in parts.items() if kind in FROM_WALLS}
-        tank = scene.tank
-        if self.reflected is None or tank is None or tank.is_all_alike or not walls:
+        if self.reflected is None or not walls:
             return 0.0
         more = self.reflected.by_faces(scene, attenuation) - 1.0
         return more * self._at_readings(scene, attenuation, self._in_cells(walls, len(attenuation)))

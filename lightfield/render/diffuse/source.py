@@ -131,7 +131,8 @@ def response_for(
         scattering, sent = dense_per_m, sent * _SENT_PER_M / dense_per_m
     # As in the first water: the scene's own scattering is not known yet.
     molecules = min(float(molecular_per_m(scene.water, middles_nm(scene).mean())) / CLEAR_PER_M, 1.0)
-    albedo = REFERENCE_ALBEDO if scene.tank else 0.0
+    # Of a floor, or an end, that is brighter than the walls.
+    albedo = REFERENCE_ALBEDO / scene.tank.brightest_over_walls if scene.tank else 0.0
     reference = Reference(_REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
     lamp_m = _lamp_m(scene, places[2], width)
     grid = _grid_for(scene, places, width, lamp_m)
@@ -235,6 +236,5 @@ def _traced_scene(
     shape = SHAPES.get(scene.water.phase.type)
     if shape is not None:
         values[shape.path] = shape.usual
-    reweighed = Acts.LAYERS | Acts.FACES if applies(scene) else Acts.LAYERS
-    plain = without(scene, reweighed).model_copy(update={"lamp": lamp})
+    plain = without(scene, Acts.LAYERS).model_copy(update={"lamp": lamp})
     return plain.with_values(values, validate=False)

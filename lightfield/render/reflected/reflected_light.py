@@ -137,13 +137,17 @@ class ReflectedLight:
         return np.asarray(MORE_FACETS * tank.surface_reflectance * image[:, self.which])
 
     def by_faces(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
-        """Light from the walls over that of a floor and a far end like them, shape (n_waters, n)."""
-        tank = scene.tank
-        if tank is None or tank.is_all_alike:
+        """Light from walls over that of a floor and a far end as in the scene of the constructor, beside walls
+        as in this one; shape (n_waters, n)."""
+        tank, stated = scene.tank, self.ways.scene.tank
+        assert tank is not None and stated is not None
+        as_stated = tank.model_copy(
+            update={"floor_over_walls": stated.floor_over_walls, "end_over_walls": stated.end_over_walls}
+        )
+        if not tank.wall_albedo or tank == as_stated:
             return np.ones((len(attenuation_per_m), len(self.which)))
         room = self.ways.room(tank.surface_reflectance == 0)
-        like_walls = tank.model_copy(update={"floor_over_walls": 1.0, "end_over_walls": 1.0})
-        light, plain = (room.light(scene.lamp, attenuation_per_m, t) for t in (tank, like_walls))
+        light, plain = (room.light(scene.lamp, attenuation_per_m, t) for t in (tank, as_stated))
         ratio = np.divide(light, plain, out=np.ones_like(light), where=plain > 0)
         return np.asarray(ratio[:, self.which])
 

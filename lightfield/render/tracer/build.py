@@ -73,8 +73,10 @@ def histories_of(
     surfaces = 2 if surface else 0
     told = None
     if walls and nodes is not None:
+        assert scene.tank is not None
+        brightest = _BRIGHTEST_WALLS / scene.tank.brightest_over_walls
         many = len(grid.centres()[0].ravel()) > _MANY_CELLS
-        told = WallNodes(_FEWER_HITS if many else _WALL_HITS, reference.wall_albedo, _BRIGHTEST_WALLS)
+        told = WallNodes(_FEWER_HITS if many else _WALL_HITS, reference.wall_albedo, brightest)
     layout = TallyLayout(
         scatterings,
         walls,

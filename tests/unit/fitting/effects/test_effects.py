@@ -44,6 +44,7 @@ REQUIRED = set(
         "wall_reflection",
         "surface_reflection",
         "floor_reflection",
+        "end_reflection",
         "waves",
         "background",
         "saturation",
