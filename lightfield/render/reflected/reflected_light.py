@@ -137,8 +137,8 @@ class ReflectedLight:
         return np.asarray(MORE_FACETS * tank.surface_reflectance * image[:, self.which])
 
     def by_faces(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
-        """Light from walls over that of a floor and a far end as in the scene of the constructor, beside walls
-        as in this one; shape (n_waters, n)."""
+        """Light from walls over that of a floor and an end as in the constructor's scene, beside walls as in
+        this one; shape (n_waters, n)."""
         tank, stated = scene.tank, self.ways.scene.tank
         assert tank is not None and stated is not None
         as_stated = tank.model_copy(

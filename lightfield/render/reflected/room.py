@@ -125,10 +125,10 @@ class Room:
             Albedos and surface reflectance.
         """
         surface = tank.surface_reflectance
-        albedo, shares = _faces(tank)
+        albedo, shares, reflections = _faces(tank)
         mirrors = (surface,) if surface in SURFACE_NODES else SURFACE_NODES
         nodes, along_c = between_attenuations(attenuation_per_m)
-        under = [(m, shares, reflections_of(albedo)) for m in mirrors]
+        under = [(m, shares, reflections) for m in mirrors]
         asked, mine = [[(c, *each) for c in nodes] for each in under], self._number(lamp)
         reached = {of: self._known[mine, of] for one in asked for of in one if (mine, of) in self._known}
         missing = sorted(of for one in asked for of in one if of not in reached)  # water by water
@@ -311,8 +311,10 @@ def lagrange(nodes: Sequence[float], at: float) -> np.ndarray:
     return np.array([prod((at - y) / (x - y) for y in nodes if y != x) for x in nodes])
 
 
-def _faces(tank: Tank) -> tuple[float, Shares]:
-    """Albedo of the brightest of walls, floor and far end, and the shares of the three."""
-    walls, floor, end = 1.0, tank.floor_share, tank.end_share
+def _faces(tank: Tank) -> tuple[float, Shares, int]:
+    """Albedo of the brightest of walls, floor and far end; the shares of the three; and how many reflections
+    are followed: light goes from the floor, or from the end, to another face, never to the same."""
+    walls, floor, end = tank.wall_albedo * np.array([1.0, tank.floor_share, tank.end_share])
     most = max(walls, floor, end)
-    return tank.wall_albedo * most, (walls / most, floor / most, end / most)
+    one_by_one = max(walls, sqrt(floor * max(walls, end)), sqrt(end * max(walls, floor)))
+    return most, (walls / most, floor / most, end / most), reflections_of(one_by_one)
