@@ -337,18 +337,23 @@ def test_opaque_water_stays_dark() -> None:
         assert (light < np.exp(-attenuation * z) / z**2 + 1e-39).all()
 
 
-def test_a_surface_that_mirrors_more_than_all_is_between_nodes_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As far as a scene may state it, light between walls of 0.5 is to 0.1 % what it is with a node there."""
-    scene = Scene.from_toml(SCENE).with_values({"tank.wall_albedo": 0.5, "tank.surface": "flat"})
+@pytest.mark.parametrize(
+    ("walls", "reflectance", "hwhm_deg"),
+    [(0.5, 1.25, 15.0), (0.5, 1.5, 15.0), (0.9, 0.1, 4.0), (0.9, 0.3, 4.0), (0.9, 0.75, 30.0)],
+)
+def test_surfaces_between_the_nodes_are_as_at_nodes(
+    walls: float, reflectance: float, hwhm_deg: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Light between walls under any surface is to 0.25 % what it is with a node there."""
+    flat = {"tank.wall_albedo": walls, "tank.surface": "flat", "lamp.hwhm_deg": hwhm_deg}
+    scene = Scene.from_toml(SCENE).with_values(flat)
     places, taken = np.array([[0.0, 0.0, 4.5], [0.4, 0.3, 6.5]]), np.array([0.1])
-    for reflectance in (1.25, 1.5):
-        assert scene.tank is not None
-        tank = scene.tank.model_copy(update={"surface_reflectance": reflectance})
-        light = Room(scene, places, False).light(scene.lamp, taken, tank)
-        with monkeypatch.context() as exact:
-            exact.setattr(room, "SURFACE_NODES", (reflectance,))
-            right = Room(scene, places, False).light(scene.lamp, taken, tank)
-        assert light == pytest.approx(right, rel=1e-3)
+    assert scene.tank is not None
+    tank = scene.tank.model_copy(update={"surface_reflectance": reflectance})
+    light = Room(scene, places, False).light(scene.lamp, taken, tank)
+    monkeypatch.setattr(room, "SURFACE_NODES", (reflectance,))
+    right = Room(scene, places, False).light(scene.lamp, taken, tank)
+    assert light == pytest.approx(right, rel=2.5e-3)
 
 
 def test_light_from_a_point_in_front_of_the_window_reaches_nothing_before_it() -> None:
