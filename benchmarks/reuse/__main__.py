@@ -81,6 +81,20 @@ FOR_FITS = {
         "lamp": {"hwhm_deg": 4.0},
         "tank": {"width_m": 2.5, "depth_m": 1.5, "length_m": 7.0, "surface": "flat", "wall_albedo": 0.7},
     },
+    "pale floor, four times the walls": {
+        "lamp": {"hwhm_deg": 8.0},
+        "tank": {
+            "width_m": 2.0,
+            "depth_m": 1.5,
+            "length_m": 7.5,
+            "wall_albedo": 0.2,
+            "floor_over_walls": 4.0,
+        },
+    },
+    "short tank, black end": {
+        "lamp": {"hwhm_deg": 8.0},
+        "tank": {"width_m": 2.0, "depth_m": 1.5, "length_m": 7.0, "wall_albedo": 0.7, "end_over_walls": 0.0},
+    },
 }
 
 

@@ -13,7 +13,7 @@ from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import positions_grid
 from lightfield.scene import Scene
 
-#: Wall albedo and scattering, per metre, of what is asked of one trace.
+#: Albedo of the brightest of walls, floor and end, and scattering, per metre, of what is asked of one trace.
 ASKED = ((0.3, 0.05), (0.7, 0.05), (0.7, 0.2), (0.9, 0.05), (0.9, 0.2))
 #: And with a surface that reflects so much of what it should.
 DIM, DIM_ASKED = 0.3, ((0.7, 0.05), (0.9, 0.2))
@@ -73,5 +73,7 @@ def compare(name: str, scene: Scene, planes: list[float], photons: float) -> lis
 def asked_of(scene: Scene) -> list[tuple[float, float, float]]:
     """Wall albedo, scattering and surface reflectance of what is asked of the trace of a scene."""
     top = scene.reflectances[1]
-    dim = [(albedo, b, DIM) for albedo, b in DIM_ASKED] if top else []
-    return [(albedo, b, top) for albedo, b in ASKED] + dim
+    over = scene.tank.brightest_over_walls if scene.tank else 1.0
+    asked = [(albedo, b, top) for albedo, b in ASKED]
+    asked += [(albedo, b, DIM) for albedo, b in DIM_ASKED] if top else []
+    return [(albedo / over, b, top) for albedo, b, top in asked]
