@@ -199,11 +199,8 @@ class AtPlaces:
             found = self.rendering.relative_maps(at, "diffuse")
             shift = Shift.on(self.rendering.grid, self.x_m, self.y_m, self.z_m, tank=scene.tank)
             for n, (mean, stderr) in enumerate(zip(*(v.reshape(len(at), -1) for v in found), strict=True)):
-                known = np.isfinite(stderr) & (mean > 0)
-                relative = np.divide(stderr, mean, out=np.zeros_like(stderr), where=known)
-                moved = shift.apply(mean)
+                moved, error[n] = shift.of_traced(mean, stderr)
                 light[n] += moved
-                error[n] = moved * np.sqrt(shift.shares.power(2) @ relative**2)
         return light, error
 
 

@@ -189,10 +189,8 @@ def _late_light(
     # One trace for all colours: their errors are one error, and add up.
     each = response.evaluate(a_k, b_k, part="diffuse")
     mean, stderr = (np.tensordot(colours.share, v, 1).ravel() for v in each)
-    diffuse = shift.apply(mean)
-    relative = np.sqrt(
-        shift.shares.power(2) @ np.where(mean > 0, stderr / np.maximum(mean, 1e-300), 0.0) ** 2
-    )
+    diffuse, error = shift.of_traced(mean, stderr)
+    relative = np.divide(error, diffuse, out=np.zeros_like(error), where=diffuse > 0)
     late = ~response.is_direct
     # The mean over a cell, [batches, rows, nodes], scaled to the light in its middle.
     tally = response.tally[:, late][:, :, response.read_from(shift.cell)].astype(float)
