@@ -48,6 +48,10 @@ _SENT_WIDTH = 0.55
 #: Steps in which the lamp of a trace is moved, in half widths of the beam on the nearest plane: from there
 #: light is followed to the lamp of a fit by its slope and bending (moved by 2.7, it was twice what it is).
 _OFFSET_STEP, _WIDEST_DEG, _LEAST_STEP_M = 0.35, 60.0, 0.01
+#: What walls and surface send back does not follow the lamp: beside such as reflect the steps are no longer
+#: than this part of the way to the nearest. A lamp that was taken for one 0.12 m higher under a surface 0.6 m
+#: above it made light of fits 8 % too bright.
+_STEP_OF_ROOM = 0.03
 PHOTONS = 2_000_000
 #: Part of the photons for the first and last node of g, which count little between the others, and for light
 #: that was reflected under a water surface: most that was not scattered is known without a trace. Of the
@@ -218,7 +222,10 @@ def _lamp_m(scene: Scene, z_m: Array, width_deg: float) -> tuple[float, float]:
     """Where the lamp of a trace stands, x and y, m: in whole steps, which traces share, towards the scene's
     and no nearer to a wall."""
     spot = float(z_m.min()) * np.tan(np.radians(min(width_deg / _SENT_WIDTH, _WIDEST_DEG)))
-    step = max(_OFFSET_STEP * spot, _LEAST_STEP_M)
+    step = _OFFSET_STEP * spot
+    if scene.tank is not None and any(scene.reflectances):
+        step = min(step, _STEP_OF_ROOM * min(scene.tank.room_m))
+    step = max(step, _LEAST_STEP_M)
     lamp = scene.lamp
     return float(step * np.trunc(lamp.offset_x_m / step)), float(step * np.trunc(lamp.offset_y_m / step))
 

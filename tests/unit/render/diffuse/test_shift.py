@@ -64,3 +64,23 @@ def test_errors_of_moved_light_are_those_of_its_cells() -> None:
         scatter = (shift.apply(drawn, offset, 0.0) / shift.apply(field, offset, 0.0)).std(axis=0, ddof=1)
         stated = 0.01 * np.sqrt(shift.seen_from(offset, 0.0).shares.power(2).sum(axis=1))
         assert stated == pytest.approx(scatter, rel=0.2)
+
+
+@pytest.mark.parametrize("hits", [0.4, 4.0, 400.0])
+def test_cells_that_are_seldom_hit_are_not_dark(hits: float) -> None:
+    """Even light of so many photons a cell and batch of ten: right on average, with its error. A mean of
+    logarithms of 0.4 hits was a thousandth of it."""
+    x, shift = along_a_line()
+    rng, batches, draws = np.random.default_rng(1), 10, 1500
+    counts = rng.poisson(hits / batches, (draws, batches, len(x))) / hits * batches
+    mean, error = counts.mean(axis=1), counts.std(axis=1, ddof=1) / np.sqrt(batches)
+    stderr = np.where(counts.any(axis=1), error, np.inf)
+    light, stated = np.array([shift.of_traced(m, e) for m, e in zip(mean, stderr, strict=True)]).swapaxes(
+        0, 1
+    )
+    middle = slice(3, -3)
+    scatter = light.std(axis=0)
+    off = ((light.mean(axis=0) - 1) / scatter)[middle]
+    # A tenth of the error at most: light is never less than nothing, and so a little too bright.
+    assert -4 / np.sqrt(draws) < off.min() <= off.max() < 0.1 + 4 / np.sqrt(draws)
+    assert np.sqrt((stated**2).mean(axis=0))[middle] == pytest.approx(scatter[middle], rel=0.12)
