@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from benchmarks.classes.scenes import CLASSES, SCENES, Case
+from benchmarks.classes.straight import direct_light
 
 #: A mean over a plane, and a cell, are compared where both codes know them to so much.
 MEAN_KNOWN, CELL_KNOWN = 0.05, 0.10
@@ -31,15 +32,16 @@ by photon by a C program (`walk.c`) that shares nothing with the package. It tak
 definitions: Beer-Lambert, Henyey-Greenstein or Fournier-Forand, Lambert, Fresnel. Its walk is that of nature,
 in double precision; only absorption is a weight. Compared is irradiance for unit radiant intensity on the
 axis, the mean of cells, on three planes that face the lamp, for every class of light by itself and for all
-together. {walked_least:.0e} to {walked_most:.0e} photons are walked in a scene, and {renders} x {traced:.0e}
-are traced. Errors come from {walk_batches} and {render_batches} independent batches. The sum of the rendered
-classes is the map of all light to {map_error:.0e}.
+together. {walked_least:.1e} to {walked_most:.1e} photons are walked in a scene, {renders} x {traced:.1e} are
+traced; errors come from {walk_batches} and {render_batches} independent batches. The walks took
+{walk_minutes:.0f} minutes, the renders {render_minutes:.0f}. The sum of the rendered classes is the map of all
+light to {map_error:.0e}.
 
 - `part`: of all light on the three planes, %, as walked.
-- `render / walk`: of the means over the planes, with both errors, where either code knows them to
+- `render / walk`: of the means over the planes, with the errors of both, where both codes know them to
   {mean_known:g} %. Planes of a scene share photons, and so have errors in common.
 - `chi2/n`: mean square of the differences of cells in units of both errors, and in brackets what is expected
-  of two codes that are right, with errors from so many batches. `n` cells count, those that either code knows
+  of two codes that are right, with errors from so many batches. `n` cells count, those that both codes know
   to {cell_known:g} %; mirror images are averaged first. `p` is the probability of a larger sum. Expectation
   and `p` come from {flips} random signs of the batches, which keep what cells and planes have in common.
 
@@ -69,13 +71,24 @@ Planes:
 
 {planes}
 
+## Direct light without photons
+
+Direct light is also integrated over the cells (`straight.py`): inverse square and Beer-Lambert, by Gauss's
+rule. It tells which code is off where they differ. Here are means over planes over this integral, of the
+render less one in millionths, and the mean square of the differences of cells in units of each code's own
+error; {expected_render:.2f} and {expected_walk:.2f} are expected of normal errors from so many batches.
+
+| scene | render / integral - 1, 1e-6 | chi2/n | walk / integral | chi2/n |
+|---|---|---:|---|---:|
+{direct}
+
 ## Walls twice and the surface
 
 In a tank of walls and a surface a tally keeps two reflections of each history: of light that met walls twice
 or more it does not keep that it met the surface too. Such light counts with that of walls alone. The table
 above compares like with like: walked light that met walls twice and the surface is counted with walls. By the
 name of the classes it belongs to the surface. Here it does, and rendered classes are off by what they lack or
-have too much. All light together does not change.
+have too much. All light together does not change; a trace that is weighed anew for another surface does.
 
 | scene | class | part | render / walk | chi2/n | n | p |
 |---|---|---|---|---:|---:|---:|
@@ -165,6 +178,15 @@ def _percent(share: float) -> str:
 def _with_error(value: float, stderr: float) -> str:
     digits = 4 if stderr >= FINE else 5
     return f"{value:.{digits}f} ± {stderr:.{digits}f}" if np.isfinite(value) else "–"
+
+
+def _in_millionths(value: float, stderr: float) -> str:
+    return f"{1e6 * (value - 1):+.1f} ± {1e6 * stderr:.1f}"
+
+
+def _of_batches(n: int) -> float:
+    """Mean square of Student's t with n - 1 degrees of freedom."""
+    return (n - 1) / (n - 3)
 
 
 def folded(batches: np.ndarray, mirrored: tuple[str, ...]) -> np.ndarray:
@@ -296,6 +318,20 @@ def _farthest(rows: list[Row]) -> str:
     )
 
 
+def _against_integral(light: Light) -> str:
+    """Direct light of both codes over that without photons."""
+    true = direct_light(light.case)
+    whole, told = true.mean(axis=(1, 2)), []
+    for direct in (light.rendered[:, 0], light.walked[:, 0]):
+        mean, variance = _moments(direct.mean(axis=(2, 3)))
+        pairs = list(zip(mean / whole, np.sqrt(variance) / whole, strict=True))
+        told.append(", ".join(_with_error(v, e) if told else _in_millionths(v, e) for v, e in pairs))
+        cells, exact = (folded(v, light.case.mirrored) for v in (direct, true))
+        (m, v), lit = _moments(cells), _known(cells, CELL_KNOWN)
+        told.append(f"{float(((m - exact)[lit] ** 2 / v[lit]).mean()):.2f}")
+    return f"| {light.case.name} | {' | '.join(told)} |"
+
+
 def page(lights: list[Light], rows: list[Row], factor: float, renders: int, photons: float) -> str:
     """The page of the benchmark.
 
@@ -344,4 +380,9 @@ def page(lights: list[Light], rows: list[Row], factor: float, renders: int, phot
         diffuse_error=100 * float(np.median(np.concatenate([r.stderr for r in diffuse]))),
         map_error=max(light.map_error for light in lights),
         flips=FLIPS,
+        walk_minutes=sum(light.walk_s for light in lights) / 60,
+        render_minutes=sum(light.render_s for light in lights) / 60,
+        direct="\n".join(_against_integral(light) for light in lights),
+        expected_walk=_of_batches(len(lights[0].walked)),
+        expected_render=_of_batches(len(lights[0].rendered)),
     )
