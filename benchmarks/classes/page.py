@@ -34,8 +34,8 @@ in double precision; only absorption is a weight. Compared is irradiance for uni
 axis, the mean of cells, on three planes that face the lamp, for every class of light by itself and for all
 together. {walked_least:.1e} to {walked_most:.1e} photons are walked in a scene, {renders} x {traced:.1e} are
 traced; errors come from {walk_batches} and {render_batches} independent batches. The walks took
-{walk_minutes:.0f} minutes, the renders {render_minutes:.0f}. The sum of the rendered classes is the map of all
-light to {map_error:.0e}.
+{walk_minutes:.0f} minutes, the renders {render_minutes:.0f}. The sum of the rendered classes is the map of
+all light to {map_error:.0e}.
 
 - `part`: of all light on the three planes, %, as walked.
 - `render / walk`: of the means over the planes, with the errors of both, where both codes know them to
