@@ -263,11 +263,22 @@ class DiffuseResponse:
         if self.reflected is None or not any(scene.reflectances):
             return np.zeros((len(attenuation), len(self.shift.cell)))
         nodes, shares = within_band(scene.water.hardening_per_m)
-        each = self.reflected.evaluate(scene, np.add.outer(attenuation, nodes).ravel())
+        layered, more = is_layered(scene.water), self.mean_of_layers_per_m(scene)
+        each = self.reflected.evaluate(scene, np.add.outer(attenuation + more, nodes).ravel())
         light = shares @ each.reshape(len(attenuation), len(nodes), -1)
-        if is_layered(scene.water):
-            light *= self.shift.pick(self._through_layers(scene))
+        if layered:
+            # What they take on average they take on the whole way, the rest as on the straight one.
+            light *= self.shift.pick(self._through_layers(scene) * np.exp(more * self.straight_m))
         return np.asarray(light)
+
+    def mean_of_layers_per_m(self, scene: Scene) -> float:
+        """Absorption that layers add on average from the window to where walls send light back from, 1/m."""
+        tank = scene.tank
+        if tank is None or not is_layered(scene.water):
+            return 0.0
+        (_, _), (floor, top), (_, end) = tank.box_m
+        far = min(end, float(self.shift.cell_z_m.max()) + 2 * max(tank.width_m, tank.depth_m))
+        return float(layers_depth(scene.water, np.array(far), np.array(far), 0.5 * (floor + top))) / far
 
 
 def _from_behind(

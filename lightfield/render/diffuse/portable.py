@@ -193,9 +193,14 @@ def _reflections(
     if response.reflected is None or scene.tank is None or not any(scene.reflectances):
         return None
 
+    # As layers let it, but for what they let through on the straight way.
+    more = response.mean_of_layers_per_m(scene)
+    longer = response.shift.pick(np.exp(more * response.straight_m))
+
     def at(c: float, rho: float) -> Array:
         assert response.reflected is not None
-        return response.reflected.evaluate(scene.with_values({"tank.wall_albedo": rho}, validate=False), c)
+        walls = scene.with_values({"tank.wall_albedo": rho}, validate=False)
+        return np.asarray(response.reflected.evaluate(walls, c + more) * longer)
 
     dark, dim = at(0.0, 0.0), at(1.0, 0.0)
     seen = dark > 0
