@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from benchmarks.reuse import drawn as drawn_tanks
 from benchmarks.reuse.fits import compare
 from lightfield.render.diffuse.dense_water import CLEAR_PER_M
 from lightfield.render.diffuse.source import REFERENCE_ALBEDO
@@ -73,6 +74,16 @@ five places on each plane, with the error of the fresh trace; `stated` what the 
 {fits}
 
 Of {n_fits} ratios {over} part from one by more than twice the stated error and the fresh trace's together.
+
+## Tanks at random
+
+{drawn} tanks with their lamps (off the axis, tilted, behind the window, with a window), floors, ends,
+surfaces (with waves), gradients and views, all drawn at random: the light that a diagnosis ends with, traced
+where the scene is, beside a fresh render of {photons:.0e} photons; means over twelve places on each of three
+planes. Of {n_planes} means {two} are off by more than two of the stated errors and the render's together, and
+{three} by more than three ({two_expected:.0f} and {three_expected:.1f} would be by chance, were these all of
+chance); their root mean square is {rms:.2f}. Half of all means are off by less than {half:.1f} %.
+{worst}
 """
 #: Tanks for fits: walls everywhere.
 FOR_FITS = {
@@ -148,6 +159,7 @@ def main() -> int:
     """Compare everywhere and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.reuse", description=__doc__)
     parser.add_argument("--photons", type=float, default=2e6, help="of every trace")
+    parser.add_argument("--tanks", type=int, default=120, help="drawn at random")
     parser.add_argument("--page", type=Path, default=HERE)
     args = parser.parse_args()
     rows = []
@@ -171,7 +183,23 @@ def main() -> int:
             fits.append(f"| {one.tank} | {one.asked} | {ratios} | {stated} % |")
             over += list(np.abs(one.ratio - 1) > 2 * np.hypot(one.fresh, one.stated))
             print(fits[-1], file=sys.stderr)
+    drawn = []
+    for number in range(args.tanks):
+        if (one := drawn_tanks.compare(number, args.photons)) is not None:
+            drawn.append(one)
+            print(number, one.off, one.error, file=sys.stderr)
+    off = np.concatenate([one.off for one in drawn])
+    pulls = np.abs(off / np.concatenate([one.error for one in drawn]))
+    worst = [
+        f"- {one.what}: {100 * v:+.1f} ± {100 * e:.1f} %"
+        for one in drawn
+        for v, e in zip(one.off, one.error, strict=True)
+        if abs(v) > 3 * e
+    ]
     text = TEXT.format(
+        drawn=len(drawn), n_planes=len(pulls), two=(pulls > 2).sum(), three=(pulls > 3).sum(),
+        two_expected=2 * stats.norm.sf(2) * len(pulls), three_expected=2 * stats.norm.sf(3) * len(pulls),
+        rms=np.sqrt((pulls**2).mean()), half=100 * np.median(np.abs(off)), worst="\n".join(["", *worst]),
         rows="\n".join(lines), photons=args.photons, n=len(rows), low=sum(r["p"] < 0.01 for r in rows),
         fits="\n".join(fits), n_fits=len(over), over=sum(over), albedo=REFERENCE_ALBEDO, clear=CLEAR_PER_M,
     )  # fmt: skip
