@@ -109,8 +109,9 @@ class Room:
         self._is_end = self.half.normal[:, 2] < -_FACING
         #: Light at the readings, of lamps by their number.
         kept = int(np.clip(_KEPT_BYTES / (8 * REFLECTIONS * len(places)), 4 * _FEWEST, 4 * KEPT_LAMPS))
-        self._known, count = Latest[tuple[int, _Exchange], Orders](kept), itertools.count()
-        self._number = lru_cache(KEPT_LAMPS)(lambda lamp: next(count))
+        self._known = Latest[tuple[int, _Exchange], Orders](kept)
+        numbers = itertools.count()
+        self._number = lru_cache(KEPT_LAMPS)(lambda lamp: next(numbers))
 
     def light(self, lamp: Lamp, attenuation_per_m: np.ndarray, tank: Tank) -> np.ndarray:
         """Light at the readings that was reflected by a wall at least once, shape (n_waters, n).
