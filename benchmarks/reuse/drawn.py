@@ -23,7 +23,7 @@ _PLANES = 3
 
 
 class Drawn(NamedTuple):
-    """Mean light of a fit over that of a render on each plane, less one, and its error; (n_planes,) each."""
+    """Mean light of a fit over that of a render on each lit plane, less one, and its error; (n_planes,)."""
 
     number: int
     what: str
@@ -98,6 +98,8 @@ def compare(number: int, photons: float) -> Drawn | None:
     for plane in np.unique(z):
         on = z == plane
         whole = mean[on].sum()
+        if whole == 0:
+            continue  # a plane that nothing sends light to
         of_fit = np.hypot(np.linalg.norm(modes[on].sum(axis=0)), smooth[on].sum())
         off.append(found[on].sum() / whole - 1)
         error.append(np.hypot(of_fit, np.hypot.reduce(noise[on])) / whole)
