@@ -32,7 +32,7 @@ from lightfield.scene.lamp.colour import colour_by_colour
 from lightfield.scene.lamp.frame import beyond_window
 from lightfield.scene.water.coefficients import coefficients_in
 from lightfield.scene.water.hardening import within_band
-from lightfield.scene.water.layers import is_layered, layers_depth
+from lightfield.scene.water.layers import is_layered, layers_depth, mean_to_per_m
 from lightfield.scene.water.water import Water
 
 #: Classes of light: all, light that was only scattered, and all that was reflected.
@@ -278,7 +278,7 @@ class DiffuseResponse:
             return 0.0
         (_, _), (floor, top), (_, end) = tank.box_m
         far = min(end, float(self.shift.cell_z_m.max()) + 2 * max(tank.width_m, tank.depth_m))
-        return float(layers_depth(scene.water, np.array(far), np.array(far), 0.5 * (floor + top))) / far
+        return mean_to_per_m(scene.water, far, 0.5 * (floor + top))
 
 
 def _from_behind(

@@ -65,6 +65,12 @@ def layers_depth(water: Water, z_m: Array, path_m: Array, height_m: Array | floa
     return depth
 
 
+def mean_to_per_m(water: Water, z_m: float, height_m: float = 0.0) -> float:
+    """Absorption that gradients, slab and curve add on average from the window to z, at some height; 1/m."""
+    far = np.full(1, z_m)
+    return float(np.ravel(layers_depth(water, far, far, height_m))[0]) / z_m
+
+
 def layers_absorption_per_m(water: Water, z_m: Array, y_m: ArrayLike = 0.0) -> Array:
     """Absorption that gradients, slab and curve add at places, 1/m.
 
