@@ -46,6 +46,8 @@ class FitParameter:
         "inverse-square" (the fit moves (10/value)^2, 0 standing for infinitely wide).
     limits : tuple of float
         What a scene can have, in the fit's own coordinate.
+    may_be_none : bool
+        Its lower end is no edge of what is plausible, but a value like others: nothing reflects.
     """
 
     path: str
@@ -55,6 +57,7 @@ class FitParameter:
     step: float
     coordinate: str = "linear"
     limits: tuple[float, float] = (-np.inf, np.inf)
+    may_be_none: bool = False
 
     @property
     def is_held(self) -> bool:
@@ -68,6 +71,10 @@ class FitParameter:
     def end_near(self, u: float) -> float:
         """The bound that is nearer to the coordinate `u`."""
         return self.low if u - self.low <= self.high - u else self.high
+
+    def is_none(self, u: float) -> bool:
+        """Is `u`, at a bound, the end that is a value like others?"""
+        return self.may_be_none and self.end_near(u) == self.low
 
     def value(self, u: float) -> float:
         """Scene value at the fit's coordinate `u`."""

@@ -231,7 +231,8 @@ def _parameter(
     if coordinate == "linear":
         low, high = max(low, limits[0]), min(high, limits[1])
     grid = offset + factor * np.array(free.grid)
-    parameter = FitParameter(free.path, low, high, now, STEP * factor * free.typical, coordinate, limits)
+    step = STEP * factor * free.typical
+    parameter = FitParameter(free.path, low, high, now, step, coordinate, limits, free.may_be_none)
     start = parameter.coordinate_of(now)
     if not shape:
         low, high = min(low, start), max(high, start)  # what the scene has is plausible

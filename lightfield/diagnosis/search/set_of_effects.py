@@ -40,13 +40,20 @@ class FittedSet:
         return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
 
     @cached_property
+    def none_of(self) -> set[str]:
+        """Paths of amplitudes of which there is none, as there may be: a face that reflects nothing."""
+        found, amplitudes = self.fit.by_path, [p for c in self.explanation for p in c.amplitudes]
+        return self.bounded & {p.path for p in amplitudes if p.is_none(found[p.path])}
+
+    @cached_property
     def edges(self) -> set[str]:
         """Paths of amplitudes that lie at a bound: no effect at all, or one beyond what is plausible.
 
-        That an effect which the scene has is not there at all is an answer, not an edge.
+        That an effect which the scene has is not there at all is an answer, not an edge; nor is a face that
+        reflects nothing one.
         """
         found = self.fit.by_path
-        return self.bounded & {
+        return (self.bounded - self.none_of) & {
             p.path
             for c in self.explanation
             for p, off in zip(c.amplitudes, c.neutral, strict=True)
@@ -122,8 +129,10 @@ class ScoredSet:
     @property
     def at_bound(self) -> bool:
         """Does any parameter of the effects lie at a bound, a shape included?"""
-        bounded = FittedSet(self.explanation, self.fit).bounded
-        return not bounded.isdisjoint(p.path for c in self.explanation for p in c.parameters)
+        known = FittedSet(self.explanation, self.fit)
+        return not (known.bounded - known.none_of).isdisjoint(
+            p.path for c in self.explanation for p in c.parameters
+        )
 
     @property
     def scale(self) -> float:
@@ -136,11 +145,11 @@ class ScoredSet:
     def undetermined(self) -> bool:
         """Is the error of an amplitude wider than what is plausible of it? Of a curve, of every one: gain and
         width of the beam make up for single ones."""
-        errors = self.fit.stderr(self.scale)
+        errors, none_of = self.fit.stderr(self.scale), FittedSet(self.explanation, self.fit).none_of
         wide = {
             p.path: not errors[p.path] <= p.width(u)
             for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
-            if not p.is_held
+            if not p.is_held and p.path not in none_of
         }
         return any(
             (all if c.name in curves() else any)(wide[p.path] for p in c.amplitudes if p.path in wide)

@@ -46,6 +46,8 @@ def estimates(
         reason: Reason | None = None
         if fit.model.parameters[i].is_held:
             reason = Reason.HELD
+        elif bound[i] and fit.model.parameters[i].is_none(fit.u[i]):
+            reason = Reason.NONE
         elif bound[i] or path in most:
             reason = Reason.AT_BOUNDARY
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:

@@ -42,6 +42,7 @@ class Reason(Word):
     DID_NOT_MOVE = "did not move the model"
     UNDETERMINED = "undetermined"
     TOO_WIDE = "undetermined: error wider than the allowed range"
+    NONE = "none at all"
 
     @property
     def short(self) -> Reason:

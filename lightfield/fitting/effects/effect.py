@@ -82,6 +82,8 @@ class Free:
         Conditions on the readings without which this parameter stays fixed.
     real : float, optional
         The most that there is of it, where a fit may go beyond by its error; no more is hidden.
+    may_be_none : bool
+        Its lowest value is one like others: a face that reflects nothing. A fit that ends there is an answer.
     """
 
     path: str
@@ -94,6 +96,7 @@ class Free:
     square: bool = False
     needs: tuple[Need, ...] = ()
     real: float | None = None
+    may_be_none: bool = False
 
 
 @dataclass(frozen=True)

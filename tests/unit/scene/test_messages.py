@@ -23,6 +23,10 @@ WRONG = {
         "[tank]\nfloor_albedo = 0.5",
         ["tank.floor_albedo", "did you mean tank.floor_over_walls"],
     ),
+    "albedo of the far end": (
+        "[tank]\nfar_end_albedo = 0.02",
+        ["tank.far_end_albedo", "did you mean tank.end_over_walls"],
+    ),
     "turbidity": ("[water]\nturbidity_ntu = 2", ["did you mean water.scattering_per_m"]),
     "nothing like it": ("[water]\nhue = 2", ["valid here are water."]),
     "unknown section": ("[lamps]\nx = 1", ["lamps", "unknown key", "lamp"]),

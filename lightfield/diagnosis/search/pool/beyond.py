@@ -22,14 +22,14 @@ _FARTHER, _ASKED = 10.0, 6.0
 
 
 def at_ends(explanation: Explanation, fit: Fit) -> set[str]:
-    """Amplitudes, by path, that lie at an end of what is plausible; one that is off lies at none."""
+    """Amplitudes, by path, that lie at an end of what is plausible: neither off, nor of what may be none."""
     at = fit.by_path
     bounded = {path for path, is_there in zip(fit.paths, fit.at_bound(), strict=True) if is_there}
     return {
         p.path
         for c in explanation
         for p, off in zip(c.amplitudes, c.neutral, strict=True)
-        if p.path in bounded and p.end_near(at[p.path]) != off
+        if p.path in bounded and p.end_near(at[p.path]) != off and not p.is_none(at[p.path])
     }
 
 

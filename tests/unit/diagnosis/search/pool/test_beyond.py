@@ -11,7 +11,7 @@ from toy_problem import candidate
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.search.pool.beyond import at_ends
-from lightfield.diagnosis.search.set_of_effects import FittedSet
+from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.effects import Effect, registry, water
 from lightfield.readings import Readings
@@ -102,3 +102,28 @@ def test_what_the_scene_states_and_is_not_there_lies_at_no_edge(short: float) ->
     assert not FittedSet((stated,), none).at_edge and not at_ends((stated,), none)
     assert FittedSet((plain,), none).at_edge and not at_ends((plain,), none)
     assert FittedSet((stated,), most).at_edge and at_ends((stated,), most) == {"toy.odd"}
+
+
+@pytest.mark.parametrize("short", [0.0, 1e-10])
+def test_a_face_that_reflects_nothing_lies_at_no_edge(short: float) -> None:
+    """A black curtain at the end of a tank was "only with a parameter at the edge of what is plausible"."""
+    plain = candidate("odd", 0.0, 3.0)
+    like_walls = replace(plain, amplitudes=(replace(plain.amplitudes[0], start=1.0),), neutral=(1.0,))
+    black = replace(like_walls, amplitudes=(replace(like_walls.amplitudes[0], may_be_none=True),))
+
+    def ended(u: float) -> SimpleNamespace:
+        return SimpleNamespace(
+            paths=("toy.odd",),
+            by_path={"toy.odd": u},
+            u=np.array([u]),
+            at_bound=lambda: np.array([True]),
+            model=SimpleNamespace(parameters=black.amplitudes),
+            stderr=lambda scale: {"toy.odd": np.nan},
+        )
+
+    none, most = ended(short), ended(3.0 - short)
+    for edge, one, fit in ((True, like_walls, none), (False, black, none), (True, black, most)):
+        assert FittedSet((one,), fit).at_edge == edge
+        assert at_ends((one,), fit) == ({"toy.odd"} if edge else set())
+        assert ScoredSet((one,), fit, 0.0).at_bound == edge
+        assert ScoredSet((one,), fit, 0.0).undetermined == edge
