@@ -355,10 +355,8 @@ def test_no_floor_is_told_that_reflects_more_than_all() -> None:
     scene = Scene.from_dict({"tank": {"wall_albedo": 0.2}})
     forward = SceneForward(scene, readings()[0], None)
     paths = ("tank.wall_albedo", "tank.floor_over_walls")
-    parameters = tuple(
-        FitParameter(p, 0.0, high, 0.1, 1e-3) for p, high in zip(paths, (1.0, 20.0), strict=True)
-    )
-    parameters = parameters[0], replace(parameters[1], may_be_none=True)
+    walls = FitParameter(paths[0], 0.0, 1.0, 0.1, 1e-3)
+    parameters = walls, replace(walls, path=paths[1], high=20.0, may_be_none=True)
     for floor, told, reason in ((7.0, 2.5, Reason.AT_BOUNDARY), (2.0, 2.0, None), (0.0, 0.0, Reason.NONE)):
         slopes = np.diag([10.0, 5.0 * (floor == told)])
         fit = Fit(
