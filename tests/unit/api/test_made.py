@@ -47,7 +47,7 @@ def test_a_saved_riddle_is_that_of_the_command_and_is_found(riddle, tmp_path):
 
 def test_a_render_worse_than_the_noise_is_warned_of(tmp_path, capsys):
     """Scattered light of a thousand photons beside readings that are right to 1e-4: in words and in JSON,
-    with both figures and the remedy; with noise of a half there is nothing to warn of."""
+    with both figures and the remedy; of more, beside noise of a half, there is nothing to say."""
     murky = scene().with_values({"water.scattering_per_m": 0.3})
     made = lf.hide(murky, noise=1e-4, max_photons=1e3)
     doubt = made.truth["light_in_doubt"]
@@ -57,8 +57,9 @@ def test_a_render_worse_than_the_noise_is_warned_of(tmp_path, capsys):
     assert f"{doubt['light_error_percent']:.2g} %" in warned and f"{doubt['noise_percent']:.2g} %" in warned
     assert warned.endswith(f"remedy: more photons, about {doubt['photons']:.0e} (max_photons)")
     murky.save(tmp_path / "murky.toml")
-    for noise, told in (("1e-4", warned.replace("max_photons", "--max-photons")), ("0.5", None)):
-        words = ["hide", str(tmp_path / "murky.toml"), "--noise", noise, "--max-photons", "1e3"]
+    by_command = warned.replace("max_photons", "--max-photons")
+    for noise, photons, told in (("1e-4", "1e3", by_command), ("0.5", "2e4", None)):
+        words = ["hide", str(tmp_path / "murky.toml"), "--noise", noise, "--max-photons", photons]
         assert cli.main([*words, "-o", str(tmp_path / noise)]) == 0
         lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("warning: ")]
         assert lines == ([told] if told else [])
