@@ -123,7 +123,7 @@ class Tank(Part):
     @property
     def brightest_over_walls(self) -> float:
         """Albedo of the brightest of walls, floor and far end over that of the walls."""
-        return max(1.0, self.floor_over_walls, self.end_over_walls)
+        return max(1.0, self.floor_share, self.end_share)
 
     @property
     def slope(self) -> float:

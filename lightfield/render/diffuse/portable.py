@@ -139,7 +139,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
     if tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and any(scene.reflectances):
         raise RenderError(
             "this light is not to be had as plain arrays",
-            found="a floor or an end that is no wall, beside light that is scattered and reflected",
+            found="a floor or a far end of another albedo than the walls",
             rule="walls, floor and ends of one albedo",
         )
     lights, classes = _lights(response.clear, scene), []

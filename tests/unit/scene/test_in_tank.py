@@ -170,3 +170,14 @@ def test_a_surface_that_sends_nothing_back_is_refused() -> None:
         scene_of({"surface": "flat", "surface_reflectance": 0.0})
     lid = scene_of({"surface": "flat"}).with_values({"tank.surface_reflectance": 0.0})
     assert lid.tank is not None and lid.tank.surface == "none"
+
+
+def test_no_face_reflects_more_than_all() -> None:
+    """A trace for fits takes its walls as much darker as the brightest face is brighter: of what it reflects,
+    not of what is stated."""
+    tank = scene_of({"wall_albedo": 0.6, "floor_over_walls": 1.2, "end_over_walls": 100.0}).tank
+    assert tank is not None
+    assert (tank.floor_share, tank.end_share) == (1.2, pytest.approx(1 / 0.6))
+    assert tank.brightest_over_walls == tank.end_share
+    dark = scene_of({"wall_albedo": 0.6, "floor_over_walls": 0.0, "end_over_walls": 0.5}).tank
+    assert dark is not None and dark.brightest_over_walls == 1.0
