@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.classes.page import Light, compared, page
 from benchmarks.classes.scenes import CLASSES, FIRST_CLASS, SCENES, WALKED_CLASSES, Case
 from lightfield.render.maps import render_scene
-from lightfield.render.response.response import light_classes
+from lightfield.render.response.light_classes import light_classes
 from lightfield.render.settings import BY_PHOTONS
 from lightfield.scene import Scene
 from lightfield.storage.files import write_text

@@ -98,6 +98,11 @@ CAMPAIGNS = (
         "column", ("end_reflection",),
     ),
     Campaign("column", _scene({}, hwhm_deg=14.0), "column", ("surface_reflection",)),
+    Campaign(
+        "tank of glass",
+        _scene({"surface": "flat", "panes": "all", "pane_reflectance": 0.0}, hwhm_deg=14.0),
+        "line", ("pane_reflection",),
+    ),
     Campaign("open surface", _scene({"surface": "flat"}, hwhm_deg=14.0), "column", ("waves",)),
     Campaign("air", _scene(), "air", ("window_refraction", "immersion")),
     Campaign("to and fro", _scene(), "line", ("lag",), order="rows"),

@@ -71,7 +71,7 @@ class Fits:
         self, scene: Scene, readings: Readings, clean: Array, sigma: Array, names: Sequence[str]
     ) -> None:
         table = [effects.get(name) for name in names]
-        shines = any(scene.reflectances) or scene.water.scattering_per_m > 0
+        shines = scene.reflects or scene.water.scattering_per_m > 0
         diffuse = response_for if shines or any(effect.diffuse for effect in table) else None
         exact = replace(readings, value=clean, stderr=sigma)
         forward = SceneForward(scene, exact, diffuse)

@@ -218,6 +218,8 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
         depth,
         f"behind_lamp_m = {min(_BEHIND_M, 0.1 * sizes[2]):g}    # from the wall behind to the lamp's window",
         f"wall_albedo = {typed_number(given['walls'], 'walls')}    # what walls and floor reflect",
+        "# floor_over_walls = 1.0    # the floor, in multiples of that; end_over_walls: the far end",
+        '# panes = "all"    # walls, floor and ends of bare glass, with air behind; "sides": of a flume',
         f'surface = "{top}"    # flat: water against air; none: a lid like the walls',
     ]
 

@@ -100,7 +100,7 @@ def has_diffuse_light(scene: Scene) -> bool:
     """
     if neutral(scene, DIFFUSE):
         return False
-    if scene.water.base != "table" or any(scene.reflectances):
+    if scene.water.base != "table" or scene.reflects:
         return True
     return bool(scattering_per_m(scene.water, middles_nm(scene).ravel()).any())
 
@@ -275,4 +275,4 @@ def _moments(scene: Scene) -> int:
     """Of how many moments light is asked for."""
     if scene.water.settling_per_m:
         return _MOMENTS
-    return _MOMENTS_OF_REFLECTED if any(scene.reflectances) else _FEWEST_MOMENTS
+    return _MOMENTS_OF_REFLECTED if scene.reflects else _FEWEST_MOMENTS

@@ -11,9 +11,9 @@ from lightfield.scene.lamp.width import widened
 def in_air(scene: Scene) -> Scene:
     """A scene without its water.
 
-    Nothing absorbs or scatters, nothing lies mirrored in a surface. A flat window sends the beam of water
-    n = `lamp.window_index` times as wide into air, I(theta / n) / n^2, as readings in air see it. On-axis
-    intensity is what light is relative to, so the factor 1 / n^2 is left to the gain.
+    Nothing absorbs or scatters, nothing lies mirrored in a surface or in panes. A flat window sends the beam
+    of water n = `lamp.window_index` times as wide into air, I(theta / n) / n^2, as readings in air see it.
+    On-axis intensity is what light is relative to, so the factor 1 / n^2 is left to the gain.
 
     Raises
     ------
@@ -23,6 +23,8 @@ def in_air(scene: Scene) -> Scene:
     values: dict[str, object] = {}
     if scene.tank is not None and scene.surface_reflects:
         values |= {"tank.surface": "none"}
+    if scene.pane_reflectance:
+        values |= {"tank.panes": "none"}
     n = scene.lamp.window_index
     if n != 1.0:
         if scene.lamp.apparent_distance_m:

@@ -16,9 +16,10 @@ from lightfield.formula.own_formulas import factor, has_own_straight_light, lit,
 from lightfield.render.backend import use_backend
 from lightfield.render.limits import OF_MAPS
 from lightfield.render.response import response_cache
+from lightfield.render.response.bookkeeping import Bookkeeping
 from lightfield.render.response.grid import Grid, reference_of, scene_grid
 from lightfield.render.response.of_colours import OfColours
-from lightfield.render.response.response import Bookkeeping, Reference, TransportResponse
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.settings import Settings
 from lightfield.scene import Scene, Water
 from lightfield.scene.acts import TRACED
@@ -290,10 +291,14 @@ def transport_key(scene: Scene, grid: Grid, reference: Reference) -> dict[str, A
     }
 
 
+#: What references did not say at first.
+_LATER = ("molecular_share", "pane_reflectance", "by_panes")
+
+
 def _told(reference: Reference) -> dict[str, float]:
-    """What a reference says; of molecules only if there are any, as if there were no such field."""
+    """What a reference says; of molecules and panes only if there are any, as if there were no such field."""
     found = asdict(reference)
-    return found if reference.molecular_share else {k: v for k, v in found.items() if k != "molecular_share"}
+    return {k: v for k, v in found.items() if v or k not in _LATER}
 
 
 @cache

@@ -199,10 +199,10 @@ def picture_dict(
         "phase": phase_dict(scene, molecules),
     }
     inside = {"type": "ref", "id": "water"}
-    reflects = scene.surface_reflects
-    box = shapes(scene, albedo, scene.reflectances[1] if reflects else None)
-    if reflects:
-        box["surface"]["interior"] = inside
+    box = shapes(scene, albedo, scene.reflectances[1] if scene.surface_reflects else None)
+    for shape in box.values():
+        if "dielectric" in shape["bsdf"]["type"]:
+            shape["interior"] = inside
     eye, target, view_deg = camera_pose(scene)
     return {
         "type": "scene",

@@ -87,6 +87,7 @@ def left_out(scene: Scene) -> list[str]:
     beside = [
         ("absorption that changes within the water", is_layered(scene.water)),
         ("effects of your own on the path", bool(on_path(scene))),
+        ("the step from water to glass in panes, and walls behind them", scene.pane_reflectance > 0),
     ]
     return told * bool(others) + [f"without {what}" for what, there in beside if there]
 

@@ -30,6 +30,7 @@ class Acts(Flag):
     BOX = auto()  #: where walls, floor, ends and top are
     REFLECTION = auto()  #: how much light walls and surface send back
     FACES = auto()  #: how much floor and far end send back beside the walls
+    PANES = auto()  #: how much light bare glass mirrors
     WAVES = auto()  #: how the water surface is tilted
     RECEIVER = auto()  #: response to the direction of arrival
     MOTION = auto()  #: how far from where they are said to be places are read while the detector moves
@@ -38,10 +39,10 @@ class Acts(Flag):
 
 
 #: What a photon's walk and its tally depend on; all else is weighed afterwards, or is the reference water.
-_IN_TANK = Acts.BOX | Acts.FACES | Acts.WAVES
+_IN_TANK = Acts.BOX | Acts.FACES | Acts.PANES | Acts.WAVES
 TRACED = Acts.BEAM | Acts.SOURCE | Acts.LAYERS | Acts.PHASE | _IN_TANK | Acts.RECEIVER
 #: What makes scattered and reflected light.
-DIFFUSE = Acts.SCATTERING | Acts.PHASE | Acts.REFLECTION
+DIFFUSE = Acts.SCATTERING | Acts.PHASE | Acts.REFLECTION | Acts.PANES
 #: What dims the light on its way, wherever it goes.
 ATTENUATION = Acts.ABSORPTION | Acts.SCATTERING | Acts.HARDENING
 #: What water takes on the way, whatever it is made of.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,25 @@ ROUNDING_M = 1e-9
 _SLAB, _DISTANCE, _STANDOFF = "layer_centre_m", "z_m", "standoff_m"
 #: What the ends of the tank in x, y and z follow from.
 _SIZES = (("width_m",), ("depth_m", "lamp_depth_m"), ("length_m", "behind_lamp_m"))
+
+
+def mirrors_follow(values: Mapping[str, Any], tank: Tank | None) -> dict[str, Any]:
+    """Values to be set in a scene of a tank, with those that have to change beside them.
+
+    A surface and its reflectance, panes and theirs: of which one alone is set, the other follows.
+    """
+    out, now = dict(values), tank or Tank()
+    surface, reflectance = values.get("tank.surface"), values.get("tank.surface_reflectance")
+    if surface is None and isinstance(reflectance, float | int):
+        out["tank.surface"] = "flat" if reflectance > 0 else "none"
+    elif surface not in (None, now.surface) and reflectance is None:
+        out["tank.surface_reflectance"] = 1.0 if surface == "flat" else 0.0
+    panes, reflectance = values.get("tank.panes"), values.get("tank.pane_reflectance")
+    if panes is None and now.panes == "none" and isinstance(reflectance, float | int) and reflectance > 0:
+        out["tank.panes"] = "all"
+    elif panes not in (None, now.panes) and reflectance is None:
+        out["tank.pane_reflectance"] = 0.0 if panes == "none" else now.pane_reflectance or 1.0
+    return out
 
 
 def plane_size_m(detector: Detector, tank: Tank | None) -> tuple[float, float]:

@@ -50,6 +50,7 @@ _ALIKE = 0.6
 #: Words of the field that are no keys here, by how they begin: the key, and how it says the same.
 _SAID_AS = {
     "tank.floor_albedo": ("tank.floor_over_walls", "the floor's albedo over that of the walls"),
+    "tank.glass": ("tank.panes", "panes of glass with air behind"),
     "tank.end_": ("tank.end_over_walls", "the far end's albedo over that of the walls"),
     "tank.far_": ("tank.end_over_walls", "the far end's albedo over that of the walls"),
     "water.turbidity": ("water.scattering_per_m", "what is turbid scatters"),

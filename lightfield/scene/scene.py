@@ -18,15 +18,16 @@ from pydantic import BaseModel, Field, ValidationError, ValidationInfo, model_va
 from lightfield.errors import RuleError, SceneError, brief
 from lightfield.scene.detector import Detector
 from lightfield.scene.follower import DetectorArray, Follower
-from lightfield.scene.in_tank import check_all_inside, follower_in, plane_size_m, room_for_lamp_m, water_in
-from lightfield.scene.lamp.lamp import Lamp
-from lightfield.scene.listed import (
-    OWN_FIELD,
-    is_listed,
-    listed_parameters,
-    listed_value,
-    with_listed,
+from lightfield.scene.in_tank import (
+    check_all_inside,
+    follower_in,
+    mirrors_follow,
+    plane_size_m,
+    room_for_lamp_m,
+    water_in,
 )
+from lightfield.scene.lamp.lamp import Lamp
+from lightfield.scene.listed import OWN_FIELD, is_listed, listed_parameters, listed_value, with_listed
 from lightfield.scene.messages import ABSENT, absent_error, nearest_keys, scene_error
 from lightfield.scene.own.own_effect import MOST_EFFECTS, OwnEffect
 from lightfield.scene.parameters import (
@@ -263,6 +264,16 @@ class Scene(Part):
         return (self.tank.wall_albedo, self.tank.surface_reflectance) if self.tank else (0.0, 0.0)
 
     @property
+    def reflects(self) -> bool:
+        """Does anything in the tank send light back: walls, the water surface, panes?"""
+        return any(self.reflectances) or self.pane_reflectance > 0
+
+    @property
+    def pane_reflectance(self) -> float:
+        """Factor on the Fresnel reflectance of panes; 0 without any."""
+        return self.tank.pane_reflectance if self.tank else 0.0
+
+    @property
     def surface_reflects(self) -> bool:
         """Is there a water surface, and does it send light back?"""
         return self.reflectances[1] > 0
@@ -299,7 +310,7 @@ class Scene(Part):
         ----------
         values : mapping of str to value
             New values by dotted path. Setting `tank.surface_reflectance` above 0 makes the surface flat, to 0
-            a lid of it.
+            a lid of it; panes mirror as bare ones do unless that is set too, see `mirrors_follow`.
         validate : bool
             False skips the check of values (not of paths), for the inner loop of a fit.
 
@@ -310,7 +321,7 @@ class Scene(Part):
         """
         values = {path: _plain(value) for path, value in values.items()}
         try:
-            values = with_listed(self, self._surface_follows(values))
+            values = with_listed(self, mirrors_follow(values, self.tank))
             if not validate:
                 return with_fields(self, values)._with_slab_in_tank(values)
         except KeyError as error:
@@ -359,20 +370,6 @@ class Scene(Part):
             return self
         water = water_in(self.water, self.tank)
         return self if water is self.water else self.model_copy(update={"water": water})
-
-    def _surface_follows(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Keep `surface` and `surface_reflectance` consistent when only one of them is set."""
-        surface, reflectance = values.get("tank.surface"), values.get("tank.surface_reflectance")
-        if surface is None and isinstance(reflectance, float | int):
-            return {**values, "tank.surface": "flat" if reflectance > 0 else "none"}
-        if (
-            surface is not None
-            and reflectance is None
-            and self.tank is not None
-            and surface != self.tank.surface
-        ):
-            return {**values, "tank.surface_reflectance": 1.0 if surface == "flat" else 0.0}
-        return values
 
     def _no_such(self, path: str) -> SceneError:
         part = path.partition(".")[0]

@@ -17,6 +17,9 @@ from lightfield.scene.parameters import Part, declare, number, told
 WATER_INDEX = 1.34
 #: As soon as there is a surface the lid is gone, and with it what it reflects.
 OPENS_THE_TOP = "tank.surface_reflectance"
+#: The same of panes, between acrylic, 1.49, and float glass, 1.52 (Rubin 1985, Sol. Energy Mater. 12, 275):
+#: these reflect 0.2 and 0.4 % of the light more or less at most, and nothing else beyond the critical angle.
+PANE_INDEX = 1.5
 #: Waves in a gale of 17 m/s are of 12 degrees (Cox & Munk 1954, J. Opt. Soc. Am. 44, 838,
 #: doi:10.1364/JOSA.44.000838: mean square slope 0.003 + 0.00512 W, of both directions together).
 _STEEPEST_DEG = 15.0
@@ -26,7 +29,7 @@ Extent = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class Tank(Part):
-    """A box of water: Lambertian sides, floor, ends, and on top a lid like them or a water surface."""
+    """A box of water: Lambertian or glass sides, floor, ends, and on top a lid or a water surface."""
 
     width_m: float = number(3.66, "m", "wall to wall in x", Acts.BOX, above=0.0, high=1e5)
     depth_m: float = number(2.44, "m", "floor to surface", Acts.BOX, above=0.0, high=1e5)
@@ -63,6 +66,34 @@ class Tank(Part):
         "rms slope of waves on the water surface, across and along the tank each; their mean over time",
         Acts.WAVES, low=0.0, high=_STEEPEST_DEG, neutral=0.0, later=True,
     )  # fmt: skip
+
+    panes: Literal["none", "sides", "all"] = declare(
+        "none", "glass or acrylic with air behind: no face, the two sides, or these, floor and both ends",
+        Acts.PANES, later=True,
+    )  # fmt: skip
+    pane_reflectance: float = number(
+        0.0, "1",
+        "multiplies the Fresnel reflectance of the panes: 1 of bare ones, 0 of covered ones, above 1 as its "
+        "error has it",
+        Acts.PANES, low=0.0, high=1.1, neutral=0.0, later=True,
+    )  # fmt: skip
+
+    @model_validator(mode="before")
+    @classmethod
+    def _panes_and_their_reflectance(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        panes, reflectance = data.get("panes"), data.get("pane_reflectance")
+        if reflectance is None:
+            return {**data, "pane_reflectance": 1.0} if panes in ("sides", "all") else data
+        if not (isinstance(reflectance, int | float) and reflectance > 0):
+            return data
+        if panes == "none":
+            raise RuleError(
+                "only panes have a reflectance", 'write panes = "sides" or panes = "all"',
+                found={"panes": "none", "pane_reflectance": reflectance},
+            )  # fmt: skip
+        return {**data, "panes": panes or "all"}
 
     @model_validator(mode="before")
     @classmethod
@@ -124,6 +155,17 @@ class Tank(Part):
     def brightest_over_walls(self) -> float:
         """Albedo of the brightest of walls, floor and far end over that of the walls."""
         return max(1.0, self.floor_share, self.end_share)
+
+    @property
+    def bare_panes(self) -> float:
+        """Factor on the reflectance of the panes as it is stated, of covered ones as if they were bare."""
+        return 0.0 if self.panes == "none" else self.pane_reflectance or 1.0
+
+    @property
+    def panes_at(self) -> tuple[float, float, float]:
+        """Factors on the Fresnel reflectance of sides, floor and ends; 0 of what is no pane."""
+        sides, others = self.panes != "none", self.panes == "all"
+        return self.pane_reflectance * sides, self.pane_reflectance * others, self.pane_reflectance * others
 
     @property
     def slope(self) -> float:

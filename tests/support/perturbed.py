@@ -27,6 +27,7 @@ WORDS: dict[str, Any] = {
     "water.absorption_at": ((480.0, 0.15), (580.0, 0.2)),
     "water.phase": {"type": "petzold"},
     "tank.surface": "none",
+    "tank.panes": "sides",
     "detector.quantity": "scalar_irradiance",
     "detector.aim": "lamp",
     "detector.planes_m": (2.0, 5.0),
@@ -85,7 +86,8 @@ def scenes_of_every_field(folder: Path) -> list[Scene]:
                 "height_gradient_per_m2": 0.01,
                 "drift_per_m_per_hour": 0.01, "settling_per_m": 0.1,
             },
-            "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0},
+            "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0,
+                     "panes": "all", "pane_reflectance": 0.5},
             "detector": {
                 "width_m": 1.0, "height_m": 0.8, "acceptance_hwhm_deg": 20.0, "saturation": 0.1,
                 "background": 0.1, "cosine_error": 0.1, "tilt_x_deg": 2.0,

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.axis import Axis
 from matplotlib.text import Text
 
-from lightfield.render.response.response import Bookkeeping
+from lightfield.render.response.bookkeeping import Bookkeeping
 from lightfield.scene import Scene
 
 LOG2 = np.log(2)

@@ -329,7 +329,7 @@ def source_of(
     """
     if diffuse is None:
         return None, Hindrance(Hinders.NOT_TRACED)
-    if scene.water.scattering_per_m > 0 and any(scene.reflectances) and len(readings) > _MOST_MURKY:
+    if scene.water.scattering_per_m > 0 and scene.reflects and len(readings) > _MOST_MURKY:
         raise FitError(
             "too many readings where the scene both scatters and reflects",
             where=readings.source or None,

@@ -19,6 +19,7 @@ class Hinders(str, Enum):
     ONE_WAY = "not read to and fro"
     NO_TANK = "no tank"
     NARROW_VIEW = "surface seen in part"
+    NO_PANES = "no panes"
     NO_WATER = "none in water"
     NOT_BOTH_MEDIA = "not in air and water"
     FEW_WAVELENGTHS = "fewer than three wavelengths"
@@ -84,6 +85,7 @@ _WORDS = {
     Hinders.NO_TANK: "the scene has no [tank]",
     Hinders.NARROW_VIEW: "what this detector sees of the surface is traced, with waves as the scene "
     "states them",
+    Hinders.NO_PANES: "the scene does not say that the tank has panes of glass (tank.panes)",
     Hinders.NO_WATER: "no reading was taken in water",
     Hinders.NOT_BOTH_MEDIA: "needs readings in air and in water",
     Hinders.FEW_WAVELENGTHS: "needs readings at three wavelengths or more",

@@ -61,7 +61,7 @@ def is_followed(problem: Problem, values: Mapping[str, float]) -> bool:
     light = problem.forward.light
     if light.diffuse.trace is None or not isinstance(light.diffuse.solved, FollowedLight):
         return False
-    return not any(light.scenes.at(values, validate=False).reflectances)
+    return not light.scenes.at(values, validate=False).reflects
 
 
 def scattering(problem: Problem, base: Fit) -> Fit | None:

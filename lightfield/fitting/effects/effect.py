@@ -38,6 +38,7 @@ Need = Literal[
     "to_and_fro",
     "tank",
     "mirror",
+    "panes",
     "water",
     "air_and_water",
     "two_colours",

@@ -1,4 +1,4 @@
-"""Effects of the tank: what walls (Lambertian) and surface (Fresnel) send back, see `render/reflected`."""
+"""Effects of the tank: what walls (Lambertian), surface and panes (Fresnel) send back; `render/reflected`."""
 
 from __future__ import annotations
 
@@ -43,6 +43,16 @@ EFFECTS = (
         "An excess near the surface, as from a second lamp above it.",
         "Float a dark sheet on the water; lower the lamp; read at several depths.",
         needs=("tank",),
+    ),
+    Effect(
+        "pane_reflection",
+        "diffuse light",
+        (Form("bare glass", (Free("tank.pane_reflectance", 0.0, 1.1, 0.1, real=1.0),)),),
+        "Panes of bare glass with air behind mirror the beam, totally beyond the critical angle.",
+        "An excess that grows along the tank and towards its sides, where the beam has come to them: light "
+        "falls too slowly with distance, and spots are flat.",
+        "Hold black cloth to the inside of the panes; a lamp that is aimed at a side shows its image in it.",
+        needs=("tank", "panes"),
     ),
     Effect(
         "waves",

@@ -26,7 +26,7 @@ from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.trace_errors import ClassLight, relative_modes
 from lightfield.render.diffuse.traced import TracedWater
 from lightfield.render.reflected.reflected_light import ReflectedLight
-from lightfield.render.response.response import CLASSES, FROM_WALLS
+from lightfield.render.response.light_classes import CLASSES, FROM_WALLS
 from lightfield.scene import Scene
 from lightfield.scene.lamp.colour import colour_by_colour
 from lightfield.scene.lamp.frame import beyond_window
@@ -42,8 +42,8 @@ _FADE = 1.2
 #: Relative errors that are not photon noise: of light that was scattered, and of light that never was.
 SCATTERED_ERROR, _REFLECTED_ERROR = 0.01, 0.005
 #: The same of what is taken to do to light from walls what it does to other light: of how much a floor that
-#: is no wall changes scattered light, and layers all of it. Measured: 0.1 to 0.5 of it between walls of 0.7
-#: and 0.8 (test_floor.py has two of these tanks).
+#: is no wall changes scattered light, and layers all of it; and what other panes do on average. Measured: 0.1
+#: to 0.5 of it between walls of 0.7 and 0.8 (test_floor.py has two of these tanks).
 _GUESSED_ERROR = 0.3
 #: Where on a line it is asked what layers did so far. Chosen: a gradient is furthest in the middle.
 _ON_THE_WAY = (0.25, 0.5, 0.75, 1.0)
@@ -162,6 +162,7 @@ class DiffuseResponse:
         mine = channel, np.arange(len(channel))
         light, often, guessed = np.zeros((3, len(channel)))
         dimmed = self.shift.pick(self._changed_by_layers(scene)) if is_layered(scene.water) else 0.0
+        changed = dimmed + self._changed_by_panes(scene)
         modes = [np.zeros((len(channel), 0), np.float32)]
         shift = self.shift.seen_from(scene.lamp.offset_x_m, scene.lamp.offset_y_m)
         # Also of a trace whose share is nothing: the same columns are the same photons in every water.
@@ -180,7 +181,7 @@ class DiffuseResponse:
             by_faces = share[:, None] * self._by_faces(scene, a + b, parts)
             from_walls = {kind: part for kind, part in parts.items() if kind in FROM_WALLS}
             seen = self._at_readings(scene, a + b, self._in_cells(from_walls, len(a)))
-            guessed += (np.abs(by_faces) + share[:, None] * seen * dimmed)[mine]
+            guessed += (np.abs(by_faces) + share[:, None] * seen * changed)[mine]
         smooth = SCATTERED_ERROR * light + often
         if REFLECTED[0] in kinds:
             straight = self._unscattered(scene, a + b)
@@ -258,9 +259,14 @@ class DiffuseResponse:
         """
         return np.max([np.abs(1 - self._through_layers(scene, part)) for part in _ON_THE_WAY], axis=0)
 
+    def _changed_by_panes(self, scene: Scene) -> float:
+        """The part of light from walls that other panes than the traced ones change."""
+        traced, panes = self.clear.own_top.reference, scene.pane_reflectance
+        return abs(1 - (1 - traced.by_panes * panes) / (1 - traced.by_panes * traced.pane_reflectance))
+
     def _unscattered(self, scene: Scene, attenuation: Array) -> Array:
         """Light that was reflected and never scattered, free of Monte Carlo noise, shape (n_waters, n)."""
-        if self.reflected is None or not any(scene.reflectances):
+        if self.reflected is None or not scene.reflects:
             return np.zeros((len(attenuation), len(self.shift.cell)))
         nodes, shares = within_band(scene.water.hardening_per_m)
         layered, more = is_layered(scene.water), self.mean_of_layers_per_m(scene)

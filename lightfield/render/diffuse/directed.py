@@ -19,7 +19,8 @@ from lightfield.render.response import response_cache
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.directed_tallies import DirectedTallies, Entries
 from lightfield.render.response.grid import Grid, angle_nodes
-from lightfield.render.response.response import NEVER_SCATTERED, Reference, light_classes
+from lightfield.render.response.light_classes import NEVER_SCATTERED, light_classes
+from lightfield.render.response.response import Reference
 from lightfield.render.response.symmetry import MirrorImages, mirror_images
 from lightfield.scene import Scene
 

@@ -136,11 +136,17 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
             rule="one trace, in steady water, from a lamp at the window",
         )
     tank = scene.tank
-    if tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and any(scene.reflectances):
+    if tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and scene.reflects:
         raise RenderError(
             "this light is not to be had as plain arrays",
             found="a floor or a far end of another albedo than the walls",
             rule="walls, floor and ends of one albedo",
+        )
+    if tank is not None and tank.panes != "none":
+        raise RenderError(
+            "this light is not to be had as plain arrays",
+            found="panes of glass",
+            rule="walls that mirror nothing",
         )
     lights, classes = _lights(response.clear, scene), []
     for light, kinds in lights:
@@ -180,7 +186,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
 
 def _lights(water: TracedWater, scene: Scene) -> list[tuple[TracedLight, range]]:
     """What tells of which classes of light, as `TracedWater.classes` chooses."""
-    last = REFLECTED.stop if any(scene.reflectances) else 1
+    last = REFLECTED.stop if scene.reflects else 1
     if water.under_surface is None or not scene.surface_reflects:
         return [(water.own_top, range(last))]
     return [(water.own_top, range(1)), (water.under_surface, range(1, last))]
@@ -190,7 +196,7 @@ def _reflections(
     response: DiffuseResponse, scene: Scene, most_per_m: float, most_albedo: float
 ) -> Reflections | None:
     """Light from walls at nodes between which `Room.light` itself interpolates, and of a few albedos."""
-    if response.reflected is None or scene.tank is None or not any(scene.reflectances):
+    if response.reflected is None or scene.tank is None or not scene.reflects:
         return None
 
     # As layers let it, but for what they let through on the straight way.

@@ -120,7 +120,8 @@ def traced_ratio(
     span, most = (float(z_m.min()), float(z_m.max())), _most(scene, x_m, y_m, z_m)
     black = scene
     if scene.tank is not None:
-        black = scene.with_values({"tank.wall_albedo": 0.0, "tank.surface_reflectance": 0.0}, validate=False)
+        paths = ("tank.wall_albedo", "tank.surface_reflectance", "tank.pane_reflectance")
+        black = scene.with_values(dict.fromkeys(paths, 0.0), validate=False)
     grid = _grid(scene, span, most)
     water = scene.water
     share = molecular_share(scene)

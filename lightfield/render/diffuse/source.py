@@ -19,16 +19,13 @@ from lightfield.render.diffuse.directed import DirectedTrace, Keeper
 from lightfield.render.diffuse.on_planes import on_planes, planes_for
 from lightfield.render.diffuse.shift import SMOOTH_RATIOS, SMOOTH_WALLS, Shift, smoother
 from lightfield.render.diffuse.traced import Traced, TracedLight, TracedWater
+from lightfield.render.reflected.panes import diffuse_part
 from lightfield.render.reflected.reflected_light import ReflectedLight, applies
 from lightfield.render.response.beam_tallies import BeamTallies, Sent
 from lightfield.render.response.directed_tallies import DirectedTallies
 from lightfield.render.response.grid import Grid, fineness, positions_grid, straight_path
-from lightfield.render.response.response import (
-    CLASSES,
-    NEVER_SCATTERED,
-    Reference,
-    TransportResponse,
-)
+from lightfield.render.response.light_classes import CLASSES, NEVER_SCATTERED
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.response.symmetry import mirror_images
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -126,7 +123,9 @@ def response_for(
     nodes = () if shape is None else shape.nodes_for(scene) if g_nodes is None else tuple(sorted(g_nodes))
     open_top = scene.surface_reflects
     reflected = ReflectedLight.at(scene, *places) if applies(scene) else None
-    known = NEVER_SCATTERED if reflected is not None else ()
+    known: tuple[int, ...] = NEVER_SCATTERED if reflected is not None else ()
+    if scene.tank is not None and scene.tank.panes != "none":
+        known = known[1:]  # what walls send by way of panes is not
     needed = [kind for kind in range(CLASSES) if kind not in known]
 
     width = sent_width_deg(scene.lamp.hwhm_deg)
@@ -137,7 +136,8 @@ def response_for(
     molecules = min(float(molecular_per_m(scene.water, middles_nm(scene).mean())) / CLEAR_PER_M, 1.0)
     # Of a floor, or an end, that is brighter than the walls.
     albedo = REFERENCE_ALBEDO / scene.tank.brightest_over_walls if scene.tank else 0.0
-    reference = Reference(_REFERENCE_ABSORPTION, scattering, albedo, molecular_share=molecules)
+    panes = (scene.tank.bare_panes, diffuse_part(scene.tank)) if scene.tank else (0.0, 0.0)
+    reference = Reference(_REFERENCE_ABSORPTION, scattering, albedo, 1.0, molecules, *panes)
     lamp_m = _lamp_m(scene, places[2], width)
     grid = _grid_for(scene, places, width, lamp_m)
     walls, ratios = smoother(grid, *SMOOTH_WALLS), smoother(grid, *SMOOTH_RATIOS)
@@ -223,7 +223,7 @@ def _lamp_m(scene: Scene, z_m: Array, width_deg: float) -> tuple[float, float]:
     and no nearer to a wall."""
     spot = float(z_m.min()) * np.tan(np.radians(min(width_deg / _SENT_WIDTH, _WIDEST_DEG)))
     step = _OFFSET_STEP * spot
-    if scene.tank is not None and any(scene.reflectances):
+    if scene.tank is not None and scene.reflects:
         step = min(step, _STEP_OF_ROOM * min(scene.tank.room_m))
     step = max(step, _LEAST_STEP_M)
     lamp = scene.lamp
@@ -240,6 +240,7 @@ def _traced_scene(
     values: dict[str, Any] = {}
     if scene.tank:
         values |= {"tank.surface_reflectance": float(surface)}
+        values |= {"tank.pane_reflectance": scene.tank.bare_panes}
     shape = SHAPES.get(scene.water.phase.type)
     if shape is not None:
         values[shape.path] = shape.usual

@@ -13,7 +13,7 @@ from lightfield.arrays import Array
 from lightfield.decompositions import eigen
 from lightfield.render.diffuse.between_g import PassedOn
 from lightfield.render.diffuse.shift import Shift
-from lightfield.render.response.response import FROM_WALLS
+from lightfield.render.response.light_classes import FROM_WALLS
 
 #: Of more readings than this the errors are gathered plane by plane, but for this part of a variance.
 MANY, LEFT_OUT = 3000, 0.03

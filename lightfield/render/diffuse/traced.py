@@ -17,15 +17,10 @@ import numpy as np
 from lightfield.arrays import Array
 from lightfield.render.diffuse.between_g import BetweenG
 from lightfield.render.diffuse.trace_errors import ClassLight, TraceErrors
+from lightfield.render.reflected.reflected_light import bareness
 from lightfield.render.response.beam_tallies import BeamTallies, roots
-from lightfield.render.response.response import (
-    CLASSES,
-    FROM_SURFACE,
-    FROM_WALLS,
-    NEVER_SCATTERED,
-    Reference,
-    TransportResponse,
-)
+from lightfield.render.response.light_classes import CLASSES, FROM_MIRRORS, FROM_WALLS, NEVER_SCATTERED
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.scene import Scene
 from lightfield.scene.water.hardening import within_band
 
@@ -82,13 +77,13 @@ class TracedLight:
         errors : bool
             Without, no noises come with the light.
         """
-        rho, surface = scene.reflectances
+        (rho, surface), panes = scene.reflectances, scene.pane_reflectance
         lit = [
             kind
             for kind in self.kinds
             if kind in kinds
             and (rho > 0 or kind not in FROM_WALLS)
-            and (surface > 0 or kind not in FROM_SURFACE)
+            and (surface > 0 or panes > 0 or kind not in FROM_MIRRORS)
             and (kind in NEVER_SCATTERED or (b > 0).any())
         ]
         if not lit:
@@ -103,29 +98,40 @@ class TracedLight:
         out = {}
         for kind in (k for k in lit if k in beams.rows_of):
             mine = beams.rows_of[kind]
+            mirrored, part = self._panes(kind, panes)
             water = absorption, scattering, rho * ones, surface * ones
             tallies = beams.contracted(kind, scene.lamp)
             lit_by = traced.over(tallies)
             along = np.exp(-change[:, None] * lit_by.straight_m)
 
-            def at_nodes(light: Array, along: Array = along) -> Array:
+            def at_nodes(light: Array, along: Array = along, part: float = part) -> Array:
                 each = (light * along).reshape(len(light), len(a), len(within), -1)
-                return np.asarray(beams.at_cells(average @ each))
+                return np.asarray(beams.at_cells(part * (average @ each)))
 
-            found = at_nodes(lit_by.weighed(tallies, *water, mine))
+            found = at_nodes(lit_by.weighed(tallies, *water, mine, mirrored))
             value, passed_on = self.between_g.light(found, shares, errors)
             uncertain: Array = np.zeros_like(value)
             if errors:
-                found = at_nodes(lit_by.uncertain(tallies, *water, mine))
+                found = at_nodes(lit_by.uncertain(tallies, *water, mine, mirrored))
                 uncertain, _ = self.between_g.light(found, shares, False)
             noises = []
-            weights = rows.row_weights(*water, mine) if errors else np.zeros((0, 0))
+            weights = rows.row_weights(*water, mine, mirrored) if errors else np.zeros((0, 0))
             for i, passed in enumerate(passed_on):
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
                 own = traced.relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))
                 noises.append(TraceErrors(passed, own, beams.images.orbits))
             out[kind] = ClassLight(value, noises, uncertain)
         return out
+
+    def _panes(self, kind: int, panes: float) -> tuple[float | None, float]:
+        """What the panes mirror in light of a class, None: as in the trace; and the part of it that counts.
+
+        What walls alone sent is known between panes as they are traced, and between covered ones without any
+        trace, see `ReflectedLight`; it changes from the one to the other as they do.
+        """
+        if kind == FROM_WALLS[0] and self.reference.pane_reflectance and NEVER_SCATTERED[1] not in self.kinds:
+            return None, bareness(panes, self.reference.pane_reflectance)
+        return panes, 1.0
 
 
 @dataclass(frozen=True)

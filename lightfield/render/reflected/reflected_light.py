@@ -2,7 +2,8 @@
 
 The mirror image of the lamp in the water surface, and radiosity between patches of the walls (Goral,
 Torrance, Greenberg and Battaile 1984; here with attenuation on the way, and with mirror images of the patches
-in the surface):
+in the surface); where there are panes, their images of the lamp, and what walls send by way of them is left
+to a trace:
 
     E_i = E0_i + sum over j of  rho E_j F_ij e^{-c d_ij}
 
@@ -18,13 +19,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lightfield.render.reflected.from_lamp import image_of_lamp
+from lightfield.render.reflected.from_lamp import alike_in_place, image_of_lamp
+from lightfield.render.reflected.panes import Images, Mirrored
 from lightfield.render.reflected.room import KEPT_LAMPS, Room
 from lightfield.render.reflected.waves import Glitter, glitter, twice
 from lightfield.scene import Lamp, Scene, Tank, receiver
@@ -33,6 +35,10 @@ from lightfield.scene import Lamp, Scene, Tank, receiver
 #: two. Beside walks of photons the mean of a plane is right to 0.3 %, for slopes of 6 to 12 degrees
 #: (`tests/physics/light/test_waves.py` has those of 2.5 and 10).
 MORE_FACETS = 0.005
+
+
+#: Lamps, and places of lamps, of which is remembered what panes show of them. Chosen: megabytes each.
+_KEPT_IMAGES = 8
 
 
 class _Ways:
@@ -44,11 +50,22 @@ class _Ways:
         self.room = cache(lambda lid: Room(scene, places, lid))
         self.smeared = lru_cache(1)(self._smeared_of)
         self.mirrored = lru_cache(KEPT_LAMPS)(self._mirrored_of)
+        self.images = lru_cache(_KEPT_IMAGES)(self._images_of)
+        self.by_panes = lru_cache(_KEPT_IMAGES)(self._by_panes_of)
 
     def _mirrored_of(self, lamp: Lamp, top_m: float) -> tuple[np.ndarray, np.ndarray]:
         """Light by way of a flat surface without attenuation, and its way in water; (n,)."""
         arriving, light, in_water = image_of_lamp(lamp, top_m, self.places)
         return light * receiver.response(self.scene.detector, list(arriving.T)), in_water
+
+    def _images_of(self, lamp: Lamp, surface: bool) -> Images:
+        """What panes, and the surface, show of a lamp where this one stands."""
+        assert self.scene.tank is not None
+        read = partial(receiver.response, self.scene.detector)
+        return Images(lamp, self.scene.tank, self.places, surface, lambda arriving: read(list(arriving)))
+
+    def _by_panes_of(self, lamp: Lamp, surface: bool) -> Mirrored:
+        return self.images(alike_in_place(lamp), surface).of(lamp)
 
     def _smeared_of(self, lamp: Lamp, slope_deg: float) -> list[_Facets]:
         """Light by way of the waves, of one facet and of two in a row, for unit reflectance of each."""
@@ -121,12 +138,24 @@ class ReflectedLight:
         tank, rates = scene.tank, np.atleast_1d(np.asarray(attenuation_per_m, float))
         assert tank is not None
         light = np.zeros((len(rates), len(self.ways.places)))
-        if tank.surface_reflectance > 0:
-            light += tank.surface_reflectance * self._image(scene.lamp, rates, tank)
-        if tank.wall_albedo > 0:
-            room = self.ways.room(tank.surface_reflectance == 0)
-            light += room.light(scene.lamp, rates, tank)
+        surface, panes = tank.surface_reflectance, tank.pane_reflectance
+        if panes > 0:
+            by_mirrors = self.ways.by_panes(scene.lamp, surface > 0)
+            if tank.slope > 0:  # of what met a pane as well the surface mirrors as if it were flat
+                by_mirrors = by_mirrors.without_surface_alone()
+            light += by_mirrors.through(rates, panes, surface)
+        if surface > 0 and (tank.slope > 0 or panes == 0):
+            light += surface * self._image(scene.lamp, rates, tank)
+        covered = 1.0 - self._bare(tank)
+        if tank.wall_albedo > 0 and covered > 0:
+            room = self.ways.room(surface == 0)
+            light += covered * room.light(scene.lamp, rates, tank)
         return np.asarray(light[:, self.which].reshape(*np.shape(attenuation_per_m), -1))
+
+    def _bare(self, tank: Tank) -> float:
+        """How near its panes are to those of the trace beside it."""
+        assert self.ways.scene.tank is not None
+        return bareness(tank.pane_reflectance, self.ways.scene.tank.bare_panes)
 
     def uncertain(self, scene: Scene, attenuation_per_m: np.ndarray) -> np.ndarray:
         """Error of the light of waves, which knows nothing that met three facets in a row; (n_waters, n)."""
@@ -160,6 +189,11 @@ class ReflectedLight:
             return np.stack([once.through(c) + mirrored * again.through(c) for c in attenuation_per_m])
         light, in_water = self.ways.mirrored(lamp, tank.lamp_depth_m)
         return np.asarray(light * np.exp(-attenuation_per_m[:, None] * in_water))
+
+
+def bareness(panes: float, traced: float) -> float:
+    """How near panes are to those of a trace: 0 where they are covered, 1 where they mirror as much."""
+    return min(panes / traced, 1.0) if panes else 0.0
 
 
 def applies(scene: Scene) -> bool:

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from lightfield.arrays import Array
 from lightfield.render.response.beam_nodes import BeamNodes
 from lightfield.render.response.directed_tallies import DirectedTallies
-from lightfield.render.response.response import FROM_WALLS
+from lightfield.render.response.light_classes import FROM_WALLS
 from lightfield.render.response.symmetry import MirrorImages
 from lightfield.scene import Lamp
 from lightfield.scene.acts import Acts

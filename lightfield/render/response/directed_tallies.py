@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from lightfield.arrays import Array
-from lightfield.render.response.response import CLASSES, NEVER_SCATTERED, light_classes
+from lightfield.render.response.light_classes import CLASSES, NEVER_SCATTERED, light_classes
 
 Numbers = NDArray[np.integer[Any]]
 

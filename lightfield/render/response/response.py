@@ -1,10 +1,11 @@
 """The transport response: one trace, every water.
 
-    E(a, b, rho, s) = sum over histories  R[n, m, k, e]  (b / b_0)^n  (rho / rho_0)^m  s^k
+    E(a, b, rho, s) = sum over histories  R[n, m, k, j, e]  (b / b_0)^n  (rho / rho_0)^m  s^k  (w / w_0)^j
                       exp(-(c - c_0) (r + e)),      c = a + b
 
 R is the tally of a trace in the reference water (a_0, b_0) with wall albedo rho_0; n, m, k count
-scatterings, wall hits and surface reflections; e is the path in excess of the straight line r to the cell.
+scatterings, wall hits and surface reflections, j those by panes, where there are any (of reflectance w); e is
+the path in excess of the straight line r to the cell.
 No NumPy array here depends on Mitsuba, so a response read from disk is evaluated without it.
 """
 
@@ -26,9 +27,6 @@ from lightfield.render.response.open_ended import OPEN_ENDED_ERROR, Lengths
 from lightfield.scene.water.hardening import within_band
 
 Rows = NDArray[np.integer[Any]] | slice
-NEVER_SCATTERED = (1, 3)  # classes of reflected light, see `light_classes`
-FROM_WALLS, FROM_SURFACE = (1, 2), (3, 4)
-CLASSES = 5
 #: Factors of rows in cells that are worked out at a time, one water at least.
 _AT_ONCE = 1_000_000
 #: Choices of rows whose factors are kept: a fit asks for a few, again and again.
@@ -37,8 +35,8 @@ _ROWS_KEPT = 16
 
 @dataclass(frozen=True)
 class Reference:
-    """Water, walls and surface of a trace: m^-1, m^-1, albedo, factor on the Fresnel reflectance, and the
-    part of the scattering that is molecular."""
+    """Water, walls, surface and panes of a trace: m^-1, m^-1, albedo, factors on the Fresnel reflectance, and
+    the part of the scattering that is molecular."""
 
     absorption_per_m: float
     scattering_per_m: float
@@ -46,32 +44,9 @@ class Reference:
     surface_reflectance: float = 1.0
     #: Not in the text that seeds come from: those of other scenes stay.
     molecular_share: float = field(default=0.0, repr=False)
-
-
-@dataclass(frozen=True)
-class Bookkeeping:
-    """Where the power went, in the units of the emission (W for unit on-axis intensity: sr).
-
-    Parameters
-    ----------
-    emitted, absorbed, walls, escaped, unfinished : float
-        Power emitted; absorbed in the reference water; absorbed by walls; lost through the surface or out of
-        the water; left in walks cut off at the flight limit. `roulette` is the net power that the roulette
-        invented.
-    """
-
-    emitted: float
-    absorbed: float
-    walls: float
-    escaped: float
-    unfinished: float
-    roulette: float
-
-    @property
-    def closure(self) -> float:
-        """Relative difference between what was emitted and what is accounted for."""
-        spent = self.absorbed + self.walls + self.escaped + self.unfinished - self.roulette
-        return (spent - self.emitted) / self.emitted
+    pane_reflectance: float = field(default=0.0, repr=False)
+    #: The part of what is diffuse in the tank that bare panes would mirror where it meets a wall.
+    by_panes: float = field(default=0.0, repr=False)
 
 
 @dataclass(frozen=True)
@@ -82,8 +57,8 @@ class TransportResponse:
     ----------
     tally : array, shape (n_batches, n_rows, n_cells), m^-2 (m^-2 sr^-1 for radiance)
         For unit on-axis radiant intensity (for a pencil beam: unit power).
-    histories : array of int, shape (n_rows, 3)
-        Scatterings, wall hits and surface reflections of each row.
+    histories : array of int, shape (n_rows, 3 or 4)
+        Scatterings, wall hits and surface reflections of each row; reflections by panes where there are any.
     excess_m : array, shape (n_rows,), m
         Path in excess of the straight line.
     straight_m : array, shape (n_planes, n_y, n_x), m
@@ -207,7 +182,16 @@ class TransportResponse:
         along = np.exp(-change * self._straight_of_tally)
         return np.asarray((np.stack([weights @ batch for batch in tally]) + more) * along, dtype=float)
 
-    def weighed(self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: Rows) -> Array:
+    def weighed(
+        self,
+        tallies: Array,
+        a: Array,
+        b: Array,
+        rho: Array,
+        surface: Array,
+        rows: Rows,
+        panes: float | None = None,
+    ) -> Array:
         """Tallies of some rows in other waters, without the attenuation along the straight line.
 
         Parameters
@@ -215,37 +199,57 @@ class TransportResponse:
         tallies : array, shape (k, n_rows, n_cells)
             Of cells as in `straight_m`.
         a, b, rho, surface : array, shape (n_waters,)
+        panes : float, optional
+            Factor on the Fresnel reflectance of panes; default: as traced.
 
         Returns
         -------
         array, shape (k, n_waters, n_cells)
         """
-        weights, varying = self.row_weights(a, b, rho, surface, rows), self.varying(b, rows)
+        weights, varying = self.row_weights(a, b, rho, surface, rows, panes), self.varying(b, rows)
         weights[:, varying] = 0  # a few rows that do not count cost less than a copy of the others
         weights = weights.astype(tallies.dtype)
         light = np.stack([weights @ tally for tally in tallies])
         if not varying.any():
             return light
         some = np.arange(len(self.histories))[rows][varying]
-        return np.asarray(light + self._of_varying(tallies[:, varying], a, b, rho, surface, some))
+        return np.asarray(light + self._of_varying(tallies[:, varying], a, b, rho, surface, some, panes))
 
-    def uncertain(self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: Rows) -> Array:
+    def uncertain(
+        self,
+        tallies: Array,
+        a: Array,
+        b: Array,
+        rho: Array,
+        surface: Array,
+        rows: Rows,
+        panes: float | None = None,
+    ) -> Array:
         """Error of what `weighed` gives by the number of scatterings that open-ended rows do not tell."""
         some = np.arange(len(self.histories))[rows][varying := self.varying(b, rows)]
         if not len(some):
             return np.zeros((len(tallies), len(b), tallies.shape[2]))
         before = self.reference.scattering_per_m
         beyond = self._lengths.beyond(self.histories[some, 0], self.excess_m[some], before)
-        light = self._of_varying(tallies[:, varying] * beyond, a, b, rho, surface, some)
+        light = self._of_varying(tallies[:, varying] * beyond, a, b, rho, surface, some, panes)
         return OPEN_ENDED_ERROR * np.abs(np.log(np.maximum(b, TINY) / before))[:, None] * light
 
     def _of_varying(
-        self, tallies: Array, a: Array, b: Array, rho: Array, surface: Array, rows: NDArray[np.integer[Any]]
+        self,
+        tallies: Array,
+        a: Array,
+        b: Array,
+        rho: Array,
+        surface: Array,
+        rows: NDArray[np.integer[Any]],
+        panes: float | None = None,
     ) -> Array:
         """The same of open-ended rows, whose factor is another in every cell; (k, n_waters, n_cells)."""
-        n, m, k = self.histories[rows].T
+        n = self.histories[rows, 0]
         ref, excess = self.reference, self.excess_m[rows]
-        factor = self._reflecting(rho, surface, m, k) * np.exp((ref.absorption_per_m - a)[:, None] * excess)
+        factor = self._reflecting(rho, surface, rows, panes) * np.exp(
+            (ref.absorption_per_m - a)[:, None] * excess
+        )
         more = np.exp((b - ref.scattering_per_m)[:, None] * self._straight_of_tally)
         out = np.empty((len(tallies), len(b), tallies.shape[2]), tallies.dtype)
         step = max(_AT_ONCE // max(len(rows) * tallies.shape[2], 1), 1)
@@ -293,12 +297,19 @@ class TransportResponse:
         """Values of the cells of the tally as maps: shape (n, n_cells) to (n, n_planes, n_y, n_x)."""
         return values.reshape(-1, *self.shape) if self.merged is None else values[:, self.merged]
 
-    def row_weights(self, a: Array, b: Array, rho: Array, surface: Array, rows: Rows = slice(None)) -> Array:
+    def row_weights(
+        self,
+        a: Array,
+        b: Array,
+        rho: Array,
+        surface: Array,
+        rows: Rows = slice(None),
+        panes: float | None = None,
+    ) -> Array:
         """Factor of every row, or of some, without the attenuation along the straight line; (n, n_rows).
 
         Of open-ended rows that in the middle of the cells, see `weighed`.
         """
-        _, m, k = self.histories[rows].T
         ref = self.reference
         if (b > 0).any() and ref.scattering_per_m == 0:
             raise RenderError(
@@ -315,19 +326,22 @@ class TransportResponse:
                 remedy="trace again with reference_wall_albedo > 0 in a scene with a [tank]",
             )
         change = (a + b - ref.absorption_per_m - ref.scattering_per_m)[:, None]
-        key = tuple(v.tobytes() for v in (b, rho, surface))
+        key = (*(v.tobytes() for v in (b, rho, surface)), panes)
         name = rows.tobytes() if isinstance(rows, np.ndarray) else repr(rows).encode()
         known, factor = self._last.get(name, (None, np.zeros(0)))
         if known != key:
-            factor = self._scattering(b, rows) * self._reflecting(rho, surface, m, k)
+            factor = self._scattering(b, rows) * self._reflecting(rho, surface, rows, panes)
             self._last[name] = key, factor
         return np.asarray(factor * np.exp(-change * self.excess_m[rows]))
 
-    def _reflecting(
-        self, rho: Array, surface: Array, m: NDArray[np.integer[Any]], k: NDArray[np.integer[Any]]
-    ) -> Array:
-        """Factor (rho / rho_0)^m s^k of rows with so many reflections, shape (n, n_rows)."""
-        ref = self.reference
+    def _reflecting(self, rho: Array, surface: Array, rows: Rows, panes: float | None) -> Array:
+        """Factor (rho / rho_0)^m s^k (w / w_0)^j of rows, shape (n, n_rows)."""
+        ref, (_, m, k, *j) = self.reference, self.histories[rows].T
+        if panes is not None and j:
+            # What a pane does not mirror is for what is behind it to send back; on average over directions.
+            before, part = ref.pane_reflectance, ref.by_panes
+            rho = rho * (1 - part * panes) / (1 - part * before)
+            return self._reflecting(rho, surface, rows, None) * (panes / before) ** j[0]
         walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
         return np.asarray(walls * (surface / (ref.surface_reflectance or 1.0))[:, None] ** k)
 
@@ -354,16 +368,9 @@ class TransportResponse:
     @cached_property
     def open_ended(self) -> NDArray[np.bool_]:
         """Rows of the highest class of n, of unreflected and of reflected light."""
-        n, m, k = self.histories.T
-        reflected = (m > 0) | (k > 0)
+        n, reflected = self.histories[:, 0], self.histories[:, 1:].any(axis=1)
         highest = [n[reflected == kind].max(initial=0) for kind in (False, True)]
         return np.asarray((n > 0) & (n == np.where(reflected, highest[1], highest[0])))
-
-
-def light_classes(histories: NDArray[np.integer[Any]]) -> NDArray[np.integer[Any]]:
-    """Class of each history: -1 direct; 0 scattered; 1 walls, 2 walls and scattered; 3, 4 surface alike."""
-    n, m, k = histories.T
-    return np.where(k > 0, 3 + (n > 0), np.where(m > 0, 1 + (n > 0), np.where(n > 0, 0, -1)))
 
 
 def mean_and_stderr(batches: Array) -> tuple[Array, Array]:

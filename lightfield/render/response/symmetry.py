@@ -22,8 +22,9 @@ def symmetric(scene: Scene) -> tuple[bool, bool]:
     x = beam_x and lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and not tilted
     y = beam_y and lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0 and scene.water.height_gradient_per_m2 == 0
     if tank is not None:
-        # A lid reflects as walls do, a water surface does not, and nor does a floor of another albedo.
+        # A lid reflects as walls do; a water surface does not, nor a floor of another albedo, or of glass.
         y = y and tank.surface_reflectance == 0 and (tank.floor_share == 1 or tank.wall_albedo == 0)
+        y = y and (tank.panes != "all" or tank.pane_reflectance == 0)
         y = y and abs(2 * tank.lamp_depth_m - tank.depth_m) < 1e-9
     return x, y
 

@@ -15,14 +15,10 @@ from lightfield.progress import part_of_trace, tell
 from lightfield.render.backend import use_backend
 from lightfield.render.limits import refuse_too_large
 from lightfield.render.response.beam_nodes import BeamNodes
+from lightfield.render.response.bookkeeping import Bookkeeping
 from lightfield.render.response.grid import Grid
-from lightfield.render.response.response import (
-    CLASSES,
-    Bookkeeping,
-    Reference,
-    TransportResponse,
-    light_classes,
-)
+from lightfield.render.response.light_classes import CLASSES, light_classes
+from lightfield.render.response.response import Reference, TransportResponse
 from lightfield.render.response.symmetry import MirrorImages, merge_mirror_images, mirror_images, symmetric
 from lightfield.render.settings import BY_PHOTONS, Settings, batches_of
 from lightfield.render.tracer.build import Setup, assembled

@@ -34,6 +34,11 @@ _CLEARER_PER_M = 0.1
 #: light is right to about 1 % in scattering water (`benchmarks/reuse`); with two orders it was 0.70 of the
 #: truth in a narrow tank.
 _WALL_HITS, _BRIGHTEST_WALLS = (0, 1, 2, 3, 4, 6, 9, 14, 22, 34), 0.9
+#: Reflections by panes that a tally tells apart: of a map, whether there were any, as it answers for its own
+#: panes alone; of one for fits so many, the last with all beyond.
+_PANES, _PANES_IN_FITS = 1, 3
+#: Of diffuse light panes send so much back that paths are as long as beside walls of this albedo. Chosen.
+_AS_WALLS = 0.7
 #: Those of a tally of so many cells, which would take gigabytes. Beside the others (2400 cells in the tow
 #: tank) its light is the same to 0.1 % at albedos from 0.2 to 0.8.
 _FEWER_HITS, _MANY_CELLS = (0, 1, 3, 9, 34), 1000
@@ -71,16 +76,18 @@ def histories_of(
     scatterings = ceil(mean + 4 * sqrt(mean) + 1) if mean > 0 else 0
     walls = 0 if reference.wall_albedo == 0 else 3
     surfaces = 2 if surface else 0
+    panes = (_PANES if nodes is None else _PANES_IN_FITS) if scene.pane_reflectance else 0
     told = None
     if walls and nodes is not None:
         assert scene.tank is not None
         brightest = _BRIGHTEST_WALLS / scene.tank.brightest_over_walls
         many = len(grid.centres()[0].ravel()) > _MANY_CELLS
-        told = WallNodes(_FEWER_HITS if many else _WALL_HITS, reference.wall_albedo, brightest)
+        told = WallNodes(_FEWER_HITS if many or panes else _WALL_HITS, reference.wall_albedo, brightest)
     layout = TallyLayout(
         scatterings,
         walls,
         surfaces,
+        panes,
         max_reflections=2 if (walls and surfaces) or coarse else 3,
         max_scatterings_reflected=HELD_FROM_IN_FITS if coarse else HELD_FROM,
         longest_excess_m=_longest_excess(scene, reference, far),
@@ -94,7 +101,7 @@ def histories_of(
 
 def _longest_excess(scene: Scene, reference: Reference, far_m: float) -> float:
     """Path in excess of the straight line beyond which next to nothing is left, m."""
-    tank, albedo = scene.tank, reference.wall_albedo
+    tank, albedo = scene.tank, max(reference.wall_albedo, _AS_WALLS * scene.pane_reflectance)
     if tank is None or albedo == 0:
         return max(far_m, 4.0)
     w, d, z = tank.width_m, tank.depth_m, tank.length_m
@@ -196,14 +203,14 @@ def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str,
         black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
         reach = open_water_m(scene_grid(scene))
         return {"open_water": {"type": "sphere", "radius": reach, "flip_normals": True, "bsdf": black}}
-    wall, ground, far = (
-        {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": {"type": "uniform", "value": albedo}}}
-        for albedo in wall_albedo * np.array([1.0, tank.floor_share, tank.end_share])
-    )
-    top: dict[str, Any] = wall
+    wall, ground, far = map(_diffuse, wall_albedo * np.array([1.0, tank.floor_share, tank.end_share]))
+    sides, ends, top = wall, (wall, far), wall
+    if tank.pane_reflectance:
+        sides = _mirror(tank.pane_reflectance)
+        if tank.panes == "all":
+            ground, ends = sides, (sides, sides)
     if surface is not None:
-        scale = {"type": "uniform", "value": surface}
-        top = {"type": "dielectric", "int_ior": WATER_INDEX, "ext_ior": 1.0, "specular_reflectance": scale}
+        top = _mirror(surface)
         if tank.surface_slope_deg:
             waves = {"distribution": "beckmann", "alpha": beckmann(tank), "sample_visible": True}
             top |= {"type": "roughdielectric", **waves}
@@ -219,11 +226,23 @@ def shapes(scene: Scene, wall_albedo: float, surface: float | None) -> dict[str,
         return {"type": "rectangle", "to_world": pose, "bsdf": bsdf}
 
     return {
-        "left": rectangle([-half, mid_y, mid_z], [0, 1, 0], 90, size_z, size_y, wall),
-        "right": rectangle([half, mid_y, mid_z], [0, 1, 0], -90, size_z, size_y, wall),
-        "floor": rectangle([0, floor, mid_z], [1, 0, 0], -90, size_x, size_z, ground),
-        "back": rectangle([0, mid_y, back], [0, 1, 0], 0, size_x, size_y, wall),
-        "end": rectangle([0, mid_y, end], [0, 1, 0], 180, size_x, size_y, far),
-        # Normal up into the air: the dielectric's inside, below it, is water.
+        # Normals into the air: the inside of a dielectric is water; diffuse faces are the same on both sides.
+        "left": rectangle([-half, mid_y, mid_z], [0, 1, 0], -90, size_z, size_y, sides),
+        "right": rectangle([half, mid_y, mid_z], [0, 1, 0], 90, size_z, size_y, sides),
+        "floor": rectangle([0, floor, mid_z], [1, 0, 0], 90, size_x, size_z, ground),
+        "back": rectangle([0, mid_y, back], [0, 1, 0], 180, size_x, size_y, ends[0]),
+        "end": rectangle([0, mid_y, end], [0, 1, 0], 0, size_x, size_y, ends[1]),
         "surface": rectangle([0, ceiling, mid_z], [1, 0, 0], -90, size_x, size_z, top),
     }
+
+
+def _diffuse(albedo: float) -> dict[str, Any]:
+    """What a wall is made of."""
+    reflectance = {"type": "uniform", "value": float(albedo)}
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+
+
+def _mirror(part: float) -> dict[str, Any]:
+    """What water meets air with, of that part of its Fresnel reflectance."""
+    scale = {"type": "uniform", "value": part}
+    return {"type": "dielectric", "int_ior": WATER_INDEX, "ext_ior": 1.0, "specular_reflectance": scale}

@@ -56,8 +56,8 @@ class Photon:
         Path so far, m.
     node : mi.UInt32
         Of the direction of emission.
-    scatterings, walls, mirrors : mi.UInt32
-        What it has met.
+    scatterings, walls, mirrors, panes : mi.UInt32
+        What it has met: mirrors are the water surface.
     """
 
     position: mi.Point3f
@@ -69,6 +69,7 @@ class Photon:
     scatterings: mi.UInt32
     walls: mi.UInt32
     mirrors: mi.UInt32
+    panes: mi.UInt32
 
 
 def from_lamp(start: FirstFlights) -> Photon:
@@ -76,7 +77,7 @@ def from_lamp(start: FirstFlights) -> Photon:
     position, direction = mi.Point3f(start.position), mi.Vector3f(start.direction)
     weight, node = mi.Float(start.weight), mi.UInt32(start.node)
     return Photon(
-        position, direction, weight, mi.Float(1), mi.Float(0), node, *(mi.UInt32(0) for _ in range(3))
+        position, direction, weight, mi.Float(1), mi.Float(0), node, *(mi.UInt32(0) for _ in range(4))
     )
 
 
@@ -145,7 +146,7 @@ def tally_flight(
     position, direction, length, node = photon.position, photon.direction, photon.length, photon.node
     weight = photon.weight
     u = rng.next_float32() if histories.wall_nodes is not None else mi.Float(0)
-    channel = histories.channel(photon.scatterings, photon.walls, photon.mirrors, u)
+    channel = histories.channel(photon.scatterings, photon.walls, photon.mirrors, photon.panes, u)
     counts = (weight > 0) & histories.holds(channel)
     plane = mi.UInt32(0)
     while plane < planes.count:
@@ -202,7 +203,7 @@ def after(
     scatterings = photon.scatterings + dr.select(active & scatters, mi.UInt32(1), 0)
 
     # -------------------------------------------------------------- reflect
-    walls, mirrors, at_walls = photon.walls, photon.mirrors, ledger.at_walls
+    walls, mirrors, panes, at_walls = photon.walls, photon.mirrors, photon.panes, ledger.at_walls
     bounces = active & ~scatters
     if surfaces.reflecting:
         bounce = surfaces.bounce(met, position, direction, u, bounces)
@@ -213,7 +214,8 @@ def after(
         weight, survival = weight * reflected, survival * reflected
         position = mi.Point3f(dr.select(bounces, bounce.position, position))
         turned = mi.Vector3f(dr.select(bounces, bounce.direction, turned))
-        mirrors = mirrors + dr.select(bounces & bounce.smooth, mi.UInt32(1), 0)
+        mirrors = mirrors + dr.select(bounces & bounce.smooth & ~bounce.pane, mi.UInt32(1), 0)
+        panes = panes + dr.select(bounces & bounce.pane, mi.UInt32(1), 0)
         walls = walls + dr.select(bounces & ~bounce.smooth, mi.UInt32(1), 0)
     else:
         at_walls = at_walls + dr.select(bounces, weight, 0)
@@ -231,6 +233,6 @@ def after(
     invented = ledger.invented + (weight - before)
     length, node = photon.length + t, photon.node
     return (
-        Photon(position, direction, weight, survival, length, node, scatterings, walls, mirrors),
+        Photon(position, direction, weight, survival, length, node, scatterings, walls, mirrors, panes),
         Ledger(absorbed, at_walls, escaped, invented),
     )

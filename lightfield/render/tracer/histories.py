@@ -1,10 +1,11 @@
 """Histories of light: how a tally is split so that any water can be evaluated from it afterwards.
 
-A cell of the tally is one channel (n scatterings, m wall hits, k surface reflections) times one node of the
-excess path (path minus straight line) times one node of the direction of emission. A deposit goes to one of
-the two nearest path nodes, chosen at random with the weights of linear interpolation, so that evaluating
-exp(-c L) at the nodes is exact, on average, up to the curvature of the exponential between them. Sharing it
-between both takes twice the writes and tells no more: the variance of a map is the same.
+A cell of the tally is one channel (n scatterings, m wall hits, k surface reflections, and where there are
+panes, j reflections by those) times one node of the excess path (path minus straight line) times one node of
+the direction of emission. A deposit goes to one of the two nearest path nodes, chosen at random with the
+weights of linear interpolation, so that evaluating exp(-c L) at the nodes is exact, on average, up to the
+curvature of the exponential between them. Sharing it between both takes twice the writes and tells no more:
+the variance of a map is the same.
 """
 
 from __future__ import annotations
@@ -55,6 +56,8 @@ class TallyLayout:
     ----------
     max_scatterings, max_walls, max_surfaces : int
         The last class of each also holds everything beyond it.
+    max_panes : int
+        The same of reflections by panes; 0: there are none, and no number of them is kept.
     max_reflections : int
         Bound on wall hits plus surface reflections, for the same purpose.
     max_scatterings_reflected : int
@@ -73,6 +76,7 @@ class TallyLayout:
     max_scatterings: int
     max_walls: int = 0
     max_surfaces: int = 0
+    max_panes: int = 0
     max_reflections: int = 3
     max_scatterings_reflected: int = HELD_FROM
     longest_excess_m: float = 8.0
@@ -82,12 +86,13 @@ class TallyLayout:
     clearer_per_m: float = 0.0
 
     @property
-    def classes(self) -> tuple[tuple[int, int, int], tuple[int, ...], int]:
-        """Last class of scatterings, wall hits and surface reflections; hits of each class; and the bound."""
+    def classes(self) -> tuple[tuple[int, int, int, int], tuple[int, ...], int]:
+        """Last class of scatterings, walls, surface and panes; wall hits of each class; and the bound."""
         hits, bound = tuple(range(self.max_walls + 1)), self.max_reflections
         if self.wall_nodes is not None:
             hits, bound = self.wall_nodes.hits, 10**9
-        return (self.max_scatterings, len(hits) - 1, self.max_surfaces), hits, bound
+        most = self.max_scatterings, len(hits) - 1, self.max_surfaces, self.max_panes
+        return most, hits, bound
 
 
 class Histories:
@@ -101,8 +106,8 @@ class Histories:
 
     Attributes
     ----------
-    channels : array, shape (n_channels, 3)
-        n, m, k of every channel of the tally.
+    channels : array, shape (n_channels, 3 or 4)
+        n, m, k of every channel of the tally, and j where there are panes.
     excess_m : array, shape (path_nodes,), m
     """
 
@@ -119,13 +124,14 @@ class Histories:
         self._longest = dr.opaque(mi.Float, longest)
         self._clearer = dr.opaque(mi.Float, layout.clearer_per_m) if layout.clearer_per_m else None
         self.excess_m = longest * (np.arange(self.path_nodes) / (self.path_nodes - 1)) ** 3
-        rows: dict[tuple[int, int, int], int] = {}
+        rows: dict[tuple[int, ...], int] = {}
         lookup = []
-        for n, m, k in np.ndindex(*(number + 1 for number in most)):
+        for n, m, k, j in np.ndindex(*(number + 1 for number in most)):
             m_kept = min(m, bound)
             k_kept = min(k, bound - m_kept)
-            n_kept = min(n, layout.max_scatterings_reflected) if m or k else n
-            lookup.append(rows.setdefault((n_kept, hits[m_kept], k_kept), len(rows)))
+            n_kept = min(n, layout.max_scatterings_reflected) if m or k or j else n
+            history = (n_kept, hits[m_kept], k_kept, j)[: 4 if layout.max_panes else 3]
+            lookup.append(rows.setdefault(history, len(rows)))
         self.lookup = mi.UInt32(lookup)
         first, last = held or (0, len(rows))
         self.channels = np.array(list(rows))[first:last]
@@ -150,7 +156,7 @@ class Histories:
         return len(self.channels), self.path_nodes, self.emission_nodes
 
     def channel(
-        self, scatterings: mi.UInt32, walls: mi.UInt32, surfaces: mi.UInt32, u: mi.Float
+        self, scatterings: mi.UInt32, walls: mi.UInt32, surfaces: mi.UInt32, panes: mi.UInt32, u: mi.Float
     ) -> mi.UInt32:
         """Channel of a history in the tally, or none of it, see `holds`.
 
@@ -160,10 +166,11 @@ class Histories:
             hits = dr.minimum(walls, self._most_hits)
             above = dr.select(u < dr.gather(mi.Float, self._share, hits), mi.UInt32(1), mi.UInt32(0))
             walls = dr.gather(mi.UInt32, self._below, hits) + above
-        counted = zip((scatterings, walls, surfaces), self._most, strict=True)
-        n, m, k = (dr.minimum(number, most) for number, most in counted)
-        _, most_m, most_k = self._most
-        return dr.gather(mi.UInt32, self.lookup, (n * (most_m + 1) + m) * (most_k + 1) + k) - self._first
+        counted = zip((scatterings, walls, surfaces, panes), self._most, strict=True)
+        n, m, k, j = (dr.minimum(number, most) for number, most in counted)
+        _, most_m, most_k, most_j = self._most
+        place = ((n * (most_m + 1) + m) * (most_k + 1) + k) * (most_j + 1) + j
+        return dr.gather(mi.UInt32, self.lookup, place) - self._first
 
     def mirrored(self, node: mi.UInt32) -> mi.UInt32:
         """Emission node of the mirror image at -x: phi -> pi - phi."""

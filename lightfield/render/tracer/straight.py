@@ -101,7 +101,7 @@ class Launch:
         depth = self.absorption.depth(start, direction, crossing.distance)
         value = light * dr.exp(-depth - self.b0 * crossing.distance)
         excess = dr.maximum(crossing.distance - straight, 0)
-        row = histories.row(histories.channel(none, none, none, mi.Float(0)), excess, u, none)
+        row = histories.row(histories.channel(none, none, none, none, mi.Float(0)), excess, u, none)
         deposit(self.tally, row, planes, crossing.cell, value, responses, crossing.hits)
         if self.mirror_x:
             deposit(self.tally, row, planes, crossing.mirror_cell, value, responses, crossing.mirror_hits)

@@ -14,13 +14,15 @@ import drjit as dr
 import mitsuba as mi
 
 from lightfield.render.tracer.planes import Planes
-from lightfield.scene.tank import WATER_INDEX, Tank
+from lightfield.scene.tank import PANE_INDEX, WATER_INDEX, Tank
 
 FAR = 1e7  # m, where nothing is hit
 #: A bounced photon starts so far inside the wall, m: single precision is 1e-6 of ten metres.
 _OFF_THE_WALL = 1e-4
 #: Light that flies level still sees the facets before it: sine of the angle to the surface at least.
 _LEAST_SINE = 1e-4
+#: The largest random number that there is.
+_BELOW_ONE = 1 - 2.0**-24
 
 
 class Met(NamedTuple):
@@ -35,12 +37,13 @@ class Met(NamedTuple):
 
 
 class Bounce(NamedTuple):
-    """Reflected part of the light, whether mirrored (or diffuse), and the next flight."""
+    """Reflected part of the light, whether mirrored (or diffuse), the next flight, and whether by a pane."""
 
     reflected: mi.Float
     smooth: mi.Bool
     position: mi.Point3f
     direction: mi.Vector3f
+    pane: mi.Bool
 
 
 class Surfaces(Protocol):
@@ -103,7 +106,7 @@ class Shapes:
         smooth = mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
         smooth |= mi.has_flag(sample.sampled_type, mi.BSDFFlags.GlossyReflection)
         inwards = dr.select(dr.dot(hit.n, direction) < 0, _OFF_THE_WALL, -_OFF_THE_WALL)
-        return Bounce(factor[0], smooth, hit.p + hit.n * inwards, hit.to_world(sample.wo))
+        return Bounce(factor[0], smooth, hit.p + hit.n * inwards, hit.to_world(sample.wo), mi.Bool(False))
 
 
 def beckmann(tank: Tank) -> float:
@@ -111,8 +114,24 @@ def beckmann(tank: Tank) -> float:
     return sqrt(2.0) * tan(radians(tank.surface_slope_deg))
 
 
+def pane_fresnel(cosine: mi.Float) -> mi.Float:
+    """Reflectance of a pane for unpolarised light from water; as `render.reflected.panes.reflectance`."""
+    sine2 = WATER_INDEX**2 * dr.maximum(1 - cosine * cosine, 0)
+    inside = dr.sqrt(1 - sine2 / PANE_INDEX**2)
+    outside = dr.sqrt(dr.maximum(1 - sine2, 0))
+    total = mi.Float(0)
+    for power in (1, -1):  # s, p: indices multiply the cosines, or divide them
+        water, pane = WATER_INDEX**power * cosine, PANE_INDEX**power * inside
+        first, second = ((a - b) / (a + b) for a, b in ((water, pane), (pane, outside)))
+        first, second = first * first, second * second
+        total += 0.5 * (first + second - 2 * first * second) / (1 - first * second)
+    return dr.select(sine2 >= 1, 1, total)
+
+
 class Box:
     """The tank of a scene: Lambertian sides, floor and ends, on top the same or a water surface.
+
+    Panes mirror a part of the light that meets them, and what does not stay behind is diffuse as of a wall.
 
     Light inside meets a wall wherever it flies. Of a surface with waves it meets a facet: its slope is drawn
     from those that it sees (Beckmann's distribution: a normal one in slope), all at the level of the surface.
@@ -127,7 +146,7 @@ class Box:
     """
 
     def __init__(self, tank: Tank, wall_albedo: float, surface_reflectance: float | None) -> None:
-        self.reflecting = wall_albedo > 0 or bool(surface_reflectance)
+        self.reflecting = wall_albedo > 0 or bool(surface_reflectance) or tank.pane_reflectance > 0
         self.has_surface = surface_reflectance is not None
         # In variables, not literals: another tank needs no new kernel.
         low, high = zip(*tank.box_m, strict=True)
@@ -137,6 +156,8 @@ class Box:
         self.floor = dr.opaque(mi.Float, float(wall_albedo) * tank.floor_share)
         self.end = dr.opaque(mi.Float, float(wall_albedo) * tank.end_share)
         self.surface = dr.opaque(mi.Float, float(surface_reflectance or 0.0))
+        self.has_panes = tank.pane_reflectance > 0
+        self.panes = mi.Point3f(*(dr.opaque(mi.Float, float(v)) for v in tank.panes_at))
         wavy = self.has_surface and tank.surface_slope_deg > 0
         self.rough = dr.opaque(mi.Float, beckmann(tank)) if wavy else None
 
@@ -161,9 +182,24 @@ class Box:
         diffuse = mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(turn))
         albedo = dr.select(lid_or_floor & (direction.y < 0), self.floor, self.albedo)
         albedo = dr.select(back_or_end & (direction.z > 0), self.end, albedo)
+        lid = lid_or_floor & (direction.y > 0)
+        pane = mi.Bool(False)
+        if self.has_panes:
+            cosine = dr.abs(dr.dot(axis, direction))
+            mirrors = dr.select(lid, 0, dr.dot(axis, self.panes)) * pane_fresnel(cosine)
+            both = mirrors + dr.maximum(1 - mirrors, 0) * albedo
+            share = mirrors / dr.maximum(both, 1e-30)
+            pane = turn.x < share
+            rest = mi.Point2f((turn.x - share) / dr.maximum(1 - share, 1e-6), turn.y)
+            turn = mi.Point2f(dr.select(pane, turn, dr.clip(rest, 0, _BELOW_ONE)))
+            diffuse = mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(turn))
+            diffuse = mi.Vector3f(
+                dr.select(pane, direction - 2 * dr.dot(direction, normal) * normal, diffuse)
+            )
+            albedo = both
         if not self.has_surface:
-            return Bounce(albedo, mi.Bool(False), at, diffuse)
-        smooth = lid_or_floor & (direction.y > 0)
+            return Bounce(albedo, pane, at, diffuse, pane)
+        smooth = lid
         cosine, mirrored = dr.abs(direction.y), mi.Vector3f(direction.x, -direction.y, direction.z)
         if self.rough is not None:
             facets = mi.MicrofacetDistribution(mi.MicrofacetType.Beckmann, self.rough, sample_visible=True)
@@ -176,7 +212,8 @@ class Box:
         fresnel, _, _, _ = mi.fresnel(cosine, 1 / WATER_INDEX)
         return Bounce(
             dr.select(smooth, fresnel * self.surface, albedo),
-            smooth,
+            smooth | pane,
             at,
             dr.select(smooth, mirrored, diffuse),
+            pane,
         )

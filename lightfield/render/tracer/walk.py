@@ -22,7 +22,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from lightfield.render.response.response import Bookkeeping
+from lightfield.render.response.bookkeeping import Bookkeeping
 from lightfield.render.tracer.absorption import Absorption
 from lightfield.render.tracer.flight import (
     Ledger,

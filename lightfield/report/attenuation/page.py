@@ -28,7 +28,7 @@ def attenuation_page(found: Attenuation) -> str:
     sections = [_apparent(one, k) for k, one in enumerate(found.apparent)]
     if found.scattered is not None:
         where = "so K lies between absorption and beam attenuation."
-        if any(first.ratios.scene.reflectances):
+        if first.ratios.scene.reflects:
             where = "and light that comes back from walls or a surface, which may leave K below absorption."
         caption = SideBySide(
             f"scattered light that still arrives hides a part of the loss, {where}",

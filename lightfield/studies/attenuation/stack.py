@@ -32,7 +32,7 @@ class Stack:
     @property
     def reflects(self) -> bool:
         """Do walls or a surface send light back?"""
-        return any(any(table.scene.reflectances) for table in self.tables)
+        return any(table.scene.reflects for table in self.tables)
 
     @property
     def y(self) -> Array:

@@ -112,7 +112,7 @@ def fit_sentence(one: Apparent) -> str:
     if one.misfit_p > POOR_FIT:
         return text + "fit. That does not show that Beer-Lambert holds: scattered light keeps them straight."
     width, bends = float(one.ratios.seen.width_nm.max()), []
-    if any(one.ratios.scene.reflectances):
+    if one.ratios.scene.reflects:
         bends.append(
             "light that walls or a surface send back bends the line, as told below where it was traced"
         )

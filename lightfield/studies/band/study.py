@@ -267,7 +267,7 @@ def _transmitted(
     step = np.minimum(_SLOPE, 0.5 * (wall / z - 1))  # half way to the wall, where that is nearer
     places = np.concatenate([z * (1 - step), z, z * (1 + step)])
     x, y = (np.full(len(places), v) for v in (scene.lamp.offset_x_m, scene.lamp.offset_y_m))
-    if traced and ((scattering_per_m(scene.water, at) > 0).any() or any(scene.reflectances)):
+    if traced and ((scattering_per_m(scene.water, at) > 0).any() or scene.reflects):
         listed = {
             "positions_m": tuple(zip(x.tolist(), y.tolist(), places.tolist(), strict=True)),
             "bands_nm": ((float(at[0]), float(at[-1])),),

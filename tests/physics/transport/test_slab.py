@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lightfield.render.response.response import Bookkeeping
+from lightfield.render.response.bookkeeping import Bookkeeping
 from lightfield.render.tracer.absorption import ReferenceWater
 from lightfield.render.tracer.emission import Emission
 from lightfield.render.tracer.flight import TransportProblem

@@ -141,6 +141,7 @@ OBSERVED: dict[Acts, Callable[[Scene], Any]] = {
     Acts.BOX: lambda s: s.tank.box_m,
     Acts.REFLECTION: lambda s: (s.tank.wall_albedo, s.tank.surface_reflectance),
     Acts.FACES: lambda s: (s.tank.floor_share, s.tank.end_share),
+    Acts.PANES: lambda s: s.tank.panes_at,
     Acts.WAVES: lambda s: s.tank.surface_slope_deg,
     Acts.RECEIVER: _receiver,
     Acts.MOTION: _motion,
@@ -253,6 +254,6 @@ def test_water_that_is_called_grey_or_dark_is(path: str) -> None:
     assert is_grey(scene.water) == (flat and path not in ("water.base", *COLOUR_OF_NOTHING))
     assert is_layered(scene.water) == differ(_layers(scene), _layers(Scene()))
     assert scene.tank is not None
-    lit = coefficients[1].max() > 0 or max(scene.tank.wall_albedo, scene.tank.surface_reflectance) > 0
+    lit = coefficients[1].max() > 0 or scene.reflects
     lit = lit or path in COLOUR_OF_NOTHING  # a trace that finds nothing does no harm
     assert has_diffuse_light(scene) == lit == (not neutral(scene, DIFFUSE))

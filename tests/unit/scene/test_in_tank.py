@@ -181,3 +181,29 @@ def test_no_face_reflects_more_than_all() -> None:
     assert tank.brightest_over_walls == tank.end_share
     dark = scene_of({"wall_albedo": 0.6, "floor_over_walls": 0.0, "end_over_walls": 0.5}).tank
     assert dark is not None and dark.brightest_over_walls == 1.0
+
+
+PAINTED = {"panes": "all", "pane_reflectance": 0.0}
+
+
+def test_panes_are_bare_unless_it_is_said_otherwise() -> None:
+    plain, bare, covered = (scene_of(said).tank for said in ({}, {"panes": "sides"}, PAINTED))
+    assert plain is not None and bare is not None and covered is not None
+    assert [tank.pane_reflectance for tank in (plain, bare, covered)] == [0.0, 1.0, 0.0]
+    assert [tank.bare_panes for tank in (plain, bare, covered)] == [0.0, 1.0, 1.0]
+    assert (bare.panes_at, covered.panes_at) == ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    with pytest.raises(SceneError, match="only panes have a reflectance"):
+        scene_of({"panes": "none", "pane_reflectance": 0.5})
+
+
+def test_panes_and_their_reflectance_change_together() -> None:
+    glass = scene_of({}).with_values({"tank.panes": "all"})
+    assert glass.pane_reflectance == 1.0 and glass.reflects and not scene_of({}).reflects
+    assert glass.tank is not None and glass.tank.panes_at == (1.0, 1.0, 1.0)
+    assert scene_of({}).with_values({"tank.pane_reflectance": 0.5}) == scene_of({"pane_reflectance": 0.5})
+    assert scene_of({"pane_reflectance": 0.5}).tank.panes == "all"
+    half = glass.with_values({"tank.pane_reflectance": 0.5}).with_values({"tank.panes": "sides"})
+    assert half.pane_reflectance == 0.5
+    assert half.with_values({"tank.panes": "none"}).pane_reflectance == 0.0
+    assert Scene.from_toml(half.to_toml()) == half
+    assert scene_of(PAINTED).digest() != scene_of({}).digest() == scene_of({"panes": "none"}).digest()

@@ -45,6 +45,7 @@ REQUIRED = set(
         "surface_reflection",
         "floor_reflection",
         "end_reflection",
+        "pane_reflection",
         "waves",
         "background",
         "saturation",
