@@ -17,7 +17,9 @@ from lightfield.render.tracer.planes import Planes
 from lightfield.scene.tank import PANE_INDEX, WATER_INDEX, Tank
 
 FAR = 1e7  # m, where nothing is hit
-#: A bounced photon starts so far inside the wall, m: single precision is 1e-6 of ten metres.
+#: A photon that bounced off a shape starts so far inside it, m: single precision is 1e-6 of ten metres. In a
+#: box it starts at the wall, which is not ahead of it then: 0.1 mm inside made what mirrors send by one
+#: reflection 0.06 % too bright at 1.5 m.
 _OFF_THE_WALL = 1e-4
 #: Light that flies level still sees the facets before it: sine of the angle to the surface at least.
 _LEAST_SINE = 1e-4
@@ -177,7 +179,7 @@ class Box:
         back_or_end = ~side & ~lid_or_floor
         axis = mi.Vector3f(dr.select(side, 1, 0), dr.select(lid_or_floor, 1, 0), dr.select(back_or_end, 1, 0))
         normal = -axis * dr.sign(direction)  # into the water
-        wall = dr.select(direction > 0, self.high, self.low) + normal * _OFF_THE_WALL
+        wall = dr.select(direction > 0, self.high, self.low)
         at = mi.Point3f(dr.select(axis > 0, wall, position))
         diffuse = mi.Frame3f(normal).to_world(mi.warp.square_to_cosine_hemisphere(turn))
         albedo = dr.select(lid_or_floor & (direction.y < 0), self.floor, self.albedo)
