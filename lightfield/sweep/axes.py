@@ -281,9 +281,8 @@ def _check_range(scene: Scene, path: str, values: Sequence[Any]) -> None:
             most = 1.0 if path == ALBEDO else math.inf
             allowed, rule = isinstance(value, int | float) and 0 <= value <= most, f"0 to {most:g}"
         if not allowed:
-            raise SceneError(
-                "impossible value", where=path, found=value, rule=rule, remedy="vary it in that range"
-            )
+            what = "impossible value" if isinstance(value, int | float) else "not a number"
+            raise SceneError(what, where=path, found=value, rule=rule, remedy="vary it in that range")
 
 
 def _check_alone(scene: Scene, axis: Axis) -> None:
