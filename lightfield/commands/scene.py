@@ -16,6 +16,7 @@ from lightfield.errors import UsageError
 from lightfield.scene import Scene
 from lightfield.scene.all_parameters import without_effect
 from lightfield.scene.lamp.photometry import beam_table
+from lightfield.scene.tank import Tank
 from lightfield.storage import toml
 from lightfield.storage.files import output_file
 
@@ -109,6 +110,7 @@ def as_text(scene: Scene) -> str:
     lines += ["", "* departs from its neutral value"]
     if unused := _unused(scene):
         lines.append(f"stated, but not used: {', '.join(unused)}")
+    lines += _of_tank(scene.tank) if scene.tank else []
     if scene.lamp.profile == "table" and (left := _left_at_end(scene)) > _BRIGHT_END:
         lines.append(f"the lamp's table ends at {100 * left:.0f} % of the light on its axis: beyond is none")
     return "\n".join(lines)
@@ -138,6 +140,20 @@ def _unused(scene: Scene) -> list[str]:
     for path, choice in without_effect(scene).items():
         chosen = scene.get(f"{path.partition('.')[0]}.{choice}")
         told.append(f"{path} ({choice} is {chosen if isinstance(chosen, str) else 'peaks'})")
+    return told
+
+
+def _of_tank(tank: Tank) -> list[str]:
+    """What is stated of the tank, and counts for less than it says, or for nothing."""
+    told = []
+    for name, share in (("floor_over_walls", tank.floor_share), ("end_over_walls", tank.end_share)):
+        stated = getattr(tank, name)
+        if stated != 1.0 and tank.wall_albedo == 0:
+            told.append(f"tank.{name} = {stated:g} is of black walls: nothing (0.005 is a nearly black wall)")
+        elif share < stated:
+            told.append(f"tank.{name} = {stated:g} is more than all light: it counts as {share:.4g}")
+    if tank.surface_slope_deg and not tank.slope:
+        told.append(f"tank.surface_slope_deg = {tank.surface_slope_deg:g} is of a lid: nothing")
     return told
 
 

@@ -130,3 +130,25 @@ def test_every_table_that_is_named_is_used(tmp_path) -> None:
     data = {part: {name: str(tmp_path / "t.csv")} for part, name in tables.items()}
     scene = Scene.from_dict(data)
     assert (scene.lamp.spectrum, scene.water.base, scene.detector.response) == ("table",) * 3
+
+
+@pytest.mark.parametrize(
+    ("tank", "told"),
+    [
+        ("floor_over_walls = 5.0", ["tank.floor_over_walls = 5 is of black walls: nothing"]),
+        (
+            "wall_albedo = 0.5\nend_over_walls = 4.0",
+            ["tank.end_over_walls = 4 is more than all light: it counts as 2"],
+        ),
+        ("surface_slope_deg = 3.0", ["tank.surface_slope_deg = 3 is of a lid: nothing"]),
+        ('wall_albedo = 0.5\nfloor_over_walls = 1.5\nsurface = "flat"\nsurface_slope_deg = 3.0', []),
+    ],
+)
+def test_what_a_tank_says_in_vain_is_told(capsys, tmp_path, tank, told):
+    path = tmp_path / "scene.toml"
+    path.write_text(f"[tank]\n{tank}\n[detector]\nplanes_m = [4.5]\n")
+    lines = run(capsys, path).splitlines()
+    last = lines[lines.index("* departs from its neutral value") + 1 :]
+    assert len(last) == len(told) and all(
+        line.startswith(said) for line, said in zip(last, told, strict=True)
+    )
