@@ -98,7 +98,7 @@ def reference_for_others(scene: Scene) -> Reference:
     (a,), (b,) = absorption_per_m(scene.water, at), scattering_per_m(scene.water, at)
     traced = max(float(b), _LEAST_TRACED_PER_M)
     molecules = molecular_share(scene) * float(b) / traced
-    return Reference(float(a), traced, max(scene.reflectances), molecular_share=molecules)
+    return Reference(float(a), traced, *scene.reflectances, molecules)
 
 
 def traced_field(

@@ -142,7 +142,8 @@ class TransportResponse:
         Raises
         ------
         RenderError
-            The trace cannot answer: scattering or walls asked for that it was made without.
+            The trace cannot answer: scattering or walls asked for that it was made without, or between walls
+            another surface than its own.
         """
         scalar = all(np.ndim(v) == 0 for v in (a, b, rho, surface))
         columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (a, b, rho, surface)))
@@ -164,6 +165,7 @@ class TransportResponse:
         return self._spread(self._batches(*columns, part=part)[:, 0])
 
     def _batches(self, a: Array, b: Array, rho: Array, surface: Array, *, part: str) -> Array:
+        self._refuse_other_surface(surface)
         weights = self.row_weights(a, b, rho, surface)
         if part != "all":
             weights[:, self.is_direct != (part == "direct")] = 0
@@ -181,6 +183,17 @@ class TransportResponse:
         change = (a + b - self.reference.absorption_per_m - self.reference.scattering_per_m)[:, None]
         along = np.exp(-change * self._straight_of_tally)
         return np.asarray((np.stack([weights @ batch for batch in tally]) + more) * along, dtype=float)
+
+    def _refuse_other_surface(self, surface: Array) -> None:
+        """Of light that met two walls and the surface the tally of a map says that it met walls."""
+        traced = self.reference.surface_reflectance
+        if self.reference.wall_albedo > 0 and self.histories[:, 2].any() and (surface != traced).any():
+            raise RenderError(
+                "this response was traced under another surface",
+                found=float(surface[surface != traced][0]),
+                rule=f"between walls that reflect: tank.surface_reflectance = {traced:g}, as it was traced",
+                remedy="trace again with that surface",
+            )
 
     def weighed(
         self,

@@ -145,10 +145,12 @@ def _response(tally: np.ndarray, photons: int, setup: Setup, seen: np.ndarray) -
 
 
 def worst_error(scene: Scene, response: TransportResponse) -> float:
-    """Relative standard error that 95 % of the lit cells have, in the scene's own water."""
+    """Relative standard error that 95 % of the lit cells have, in the scene's own water, under the surface of
+    the trace."""
     wavelength = middles_nm(scene).mean()
     (a,), (b,) = coefficients_in(scene.water, np.array([wavelength]), response.reference.molecular_share)
-    mean, stderr = response.evaluate(float(a), float(b), *scene.reflectances)
+    surface = response.reference.surface_reflectance if scene.surface_reflects else 0.0
+    mean, stderr = response.evaluate(float(a), float(b), scene.reflectances[0], surface)
     lit = mean > 1e-4 * mean.max(axis=tuple(range(1, mean.ndim)), keepdims=True)
     if not lit.any():
         return float("inf")

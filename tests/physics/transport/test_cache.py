@@ -95,7 +95,7 @@ def test_what_the_key_leaves_out_does_not_change_the_trace() -> None:
     use_backend()
     from lightfield.render.tracer.accumulate import trace_until
 
-    reference = Reference(0.1, 0.2, 0.2)
+    reference = Reference(0.1, 0.2, 0.2, 0.5)
     lit = SCENE.with_values({"tank.surface_reflectance": 0.5, "lamp.warmup_fraction": 0.1})
 
     def tally(scene: Scene) -> np.ndarray:
