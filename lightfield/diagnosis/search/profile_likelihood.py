@@ -3,9 +3,11 @@ errors that the curvature at one of them does not show: profile likelihood over 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
+from math import sqrt
 
 import numpy as np
 
@@ -23,6 +25,9 @@ ROUGH_STEPS = 4
 #: Within so many standard errors of a minimum a sample is not asked whether it is far behind. Chosen: a
 #: little more than TWO_SIGMA asks for.
 _BESIDE = 2.1
+#: Where chi-square is low enough at the last point of a profile it goes on, so many times so far from the
+#: minimum, and so often. Chosen: to eight errors of the curvature there.
+_ON, _FARTHER = 2.0, 2
 #: Chi-square, in units of the scale, by which another minimum must be lower. Chosen: a third of an error.
 LOWER = 0.1
 #: Chi-square by which all beyond one and beyond two standard errors is worse. Derived: a parabola.
@@ -67,8 +72,9 @@ def _along(
     led, out = _leader(problem, fit, whiten), list[Fit]()
     beside = _BESIDE * sigma if known else 0.0
     for side in (grid[grid >= fit.u[i]], grid[grid < fit.u[i]][::-1]):
-        row = [fit]
-        for value in side:
+        row, left = [fit], [*side.tolist()]
+        while left:
+            value = left.pop(0)
             held = parameter.held(float(value))
             parameters = (*fit.model.parameters[:i], held, *fit.model.parameters[i + 1 :])
             model = Model(fit.model.forward, parameters)
@@ -76,6 +82,10 @@ def _along(
             if abs(value - fit.u[i]) > beside:
                 start, steps = led(model, start)
             row.append(least_squares(model, problem.value, whiten, start, problem.keep, steps, _LEFT))
+            inside = known and not left and row[-1].chi2 < fit.chi2 + TWO_SIGMA * phi
+            if inside and parameter.low < value < parameter.high and len(row) <= len(side) + _FARTHER:
+                on = fit.u[i] + _ON * (value - fit.u[i])
+                left.append(float(np.clip(on, parameter.low, parameter.high)))
         chi2 = [f.chi2 for f in row] + [np.inf]
         for k in range(1, len(row)):
             if chi2[k] < min(chi2[k - 1], chi2[k + 1]):  # another valley: down to its bottom
@@ -152,12 +162,30 @@ def profiled(
             break
         other = problem.fit(explanation, whiten, [lowest.u])
         fit = other if other.chi2 < fit.chi2 else fit
-    best = fit.values
-    errors = dict.fromkeys(best if points else (), 0.0)
-    for there in points:
-        worse = max(there.chi2 - fit.chi2, 0.0) / phi
-        sigmas = 1.0 if worse <= ONE_SIGMA else 2.0
-        if worse <= TWO_SIGMA:
-            for path, value in there.values.items():
-                errors[path] = max(errors[path], abs(value - best[path]) / sigmas)
+    errors = dict.fromkeys(fit.values if points else (), 0.0)
+    for path in shapes:
+        for inside, sigmas in _inside(fit, points, path, phi):
+            for name, value in inside.items():
+                errors[name] = max(errors[name], abs(value - fit.values[name]) / sigmas)
     return fit, errors
+
+
+def _inside(
+    fit: Fit, points: Sequence[Fit], path: str, phi: float
+) -> Iterator[tuple[Mapping[str, float], float]]:
+    """Values within one and within two standard errors by chi-square, and which of the two.
+
+    At the points of a profile along one parameter, and between neighbours where chi-square passes either
+    bound: there its root is taken to be straight, and so are the values beside it.
+    """
+    row = sorted((fit, *points), key=lambda there: there.values[path])
+    roots = [sqrt(max(there.chi2 - fit.chi2, 0.0) / phi) for there in row]
+    for there, root in zip(row, roots, strict=True):
+        if root <= sqrt(TWO_SIGMA):
+            yield there.values, 1.0 if root <= sqrt(ONE_SIGMA) else 2.0
+    for (one, a), (other, b) in pairwise(zip(row, roots, strict=True)):
+        for bound, sigmas in ((sqrt(ONE_SIGMA), 1.0), (sqrt(TWO_SIGMA), 2.0)):
+            if min(a, b) < bound < max(a, b):
+                t = (bound - a) / (b - a)
+                at = {name: value + t * (other.values[name] - value) for name, value in one.values.items()}
+                yield at, sigmas
