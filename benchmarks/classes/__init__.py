@@ -1,1 +1,1 @@
-"""The render of 13 scenes, class of light by class, against photons walked by independent code."""
+"""The render of 15 scenes, class of light by class, against photons walked by independent code."""

@@ -24,6 +24,8 @@ DIFFUSE, ALL = "diffuse", "all light"
 FAR, FARTHER, SMALL_P = 2.0, 3.0, 0.01
 #: Less of all light is not told; smaller errors are told with a digit more.
 LEAST_SHARE, FINE = 1e-4, 2e-4
+#: Shares from here on are told to 1 %, smaller ones to one digit.
+TENTH = 0.095
 TEXT = """\
 # Class by class against walked photons
 
@@ -37,6 +39,7 @@ traced; errors come from {walk_batches} and {render_batches} independent batches
 {walk_minutes:.0f} minutes, the renders {render_minutes:.0f}. The sum of the rendered classes is the map of
 all light to {map_error:.0e}.
 
+- `mirrors`: light that met the surface or panes. In tanks with panes what met walls too is light of `walls`.
 - `part`: of all light on the three planes, %, as walked.
 - `render / walk`: of the means over the planes, with the errors of both, where both codes know them to
   {mean_known:g} %. Planes of a scene share photons, and so have errors in common.
@@ -84,11 +87,12 @@ error; {expected_render:.2f} and {expected_walk:.2f} are expected of normal erro
 
 ## Walls twice and the surface
 
-In a tank of walls and a surface a tally keeps two reflections of each history: of light that met walls twice
-or more it does not keep that it met the surface too. Such light counts with that of walls alone. The table
-above compares like with like: walked light that met walls twice and the surface is counted with walls. By the
-name of the classes it belongs to the surface. Here it does, and rendered classes are off by what they lack or
-have too much. All light together does not change; a trace that is weighed anew for another surface does.
+In a tank of walls and a surface, without panes, a tally keeps two reflections of each history: of light that
+met walls twice or more it does not keep that it met the surface too. Such light counts with that of walls
+alone. The table above compares like with like: walked light that met walls twice and the surface is counted
+with walls. By the name of the classes it belongs to mirrors. Here it does, and rendered classes are off by
+what they lack or have too much. All light together does not change; a trace that is weighed anew for another
+surface does.
 
 | scene | class | part | render / walk | chi2/n | n | p |
 |---|---|---|---|---:|---:|---:|
@@ -172,7 +176,7 @@ class Row:
 def _percent(share: float) -> str:
     if share < LEAST_SHARE:
         return f"< {100 * LEAST_SHARE:g}" if share else "0"
-    return f"{100 * share:.0f}" if share >= 0.1 else f"{100 * share:.1g}"
+    return f"{100 * share:.0f}" if share >= TENTH else f"{100 * share:.1g}"
 
 
 def _with_error(value: float, stderr: float) -> str:

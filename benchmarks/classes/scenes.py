@@ -1,4 +1,4 @@
-"""Thirteen scenes as the package reads them, and the same as lines for the walking program."""
+"""Fifteen scenes as the package reads them, and the same as lines for the walking program."""
 
 from __future__ import annotations
 
@@ -7,10 +7,13 @@ from typing import Any
 
 #: Classes of light of the package, whose numbers begin with -1 for direct light. They are the first ones of
 #: `walk.c`, which tells light that met walls twice and the surface, the last two, from that which did not.
-CLASSES = ("direct", "scattered", "walls", "walls, scattered", "surface", "surface, scattered")
+#: Mirrors are the surface and panes.
+CLASSES = ("direct", "scattered", "walls", "walls, scattered", "mirrors", "mirrors, scattered")
 FIRST_CLASS, WALKED_CLASSES = -1, 8
 #: Refractive index of water under air at 525 nm, to three digits (Quan and Fry 1995, Appl. Opt. 34, 3477).
 WATER_INDEX = 1.34
+#: The same of panes, which are of glass.
+GLASS_INDEX = 1.5
 ALL_ROUND = ("x", "y")
 Parts = dict[str, dict[str, Any]]
 
@@ -72,6 +75,7 @@ class Case:
             "acceptance_deg": detector.get("acceptance_hwhm_deg", 0.0),
         }
         if tank := self.parts.get("tank"):
+            panes, bare = tank.get("panes", "none"), tank.get("pane_reflectance", 0.0)
             lines |= {
                 "tank": 1,
                 "width": tank["width_m"],
@@ -84,6 +88,9 @@ class Case:
                 "surface": float(tank["surface"] == "flat"),
                 "slope_deg": tank.get("surface_slope_deg", 0.0),
                 "index": WATER_INDEX,
+                "glass_sides": bare if panes != "none" else 0.0,
+                "glass_others": bare if panes == "all" else 0.0,
+                "glass": GLASS_INDEX,
             }
         places = [f"planes {len(self.planes_m)}", "z " + " ".join(f"{z!r}" for z in self.planes_m)]
         return "\n".join([*(f"{name} {value!r}" for name, value in lines.items()), *places, ""])
@@ -99,7 +106,7 @@ def _tank(
     lamp_depth_m: float,
     albedo: float,
     surface: str = "none",
-    **more: float,
+    **more: float | str,
 ) -> dict[str, Any]:
     """Width, depth and length; half a metre of water behind the lamp."""
     width, depth, length = size_m
@@ -254,5 +261,27 @@ SCENES = (
             "detector": _planes((2.0, 4.0, 6.0), 1.4, 7),
         },
         6e7,
+    ),
+    Case(
+        "tank of glass, wide lamp",
+        {
+            "water": _water(0.15, 0.4, 0.85),
+            "lamp": {"hwhm_deg": 25.0},
+            "tank": _tank((1.4, 1.0, 3.2), 0.45, 0.0, "flat", panes="all", pane_reflectance=1.0),
+            "detector": _planes((0.8, 1.6, 2.4), 0.84, 7),
+        },
+        1.2e8,
+        SIDEWAYS,
+    ),
+    Case(
+        "flume with sides of glass, lamp off the middle",
+        {
+            "water": _water(0.1, 0.3, 0.9),
+            "lamp": {"hwhm_deg": 12.0, "offset_x_m": 0.12, "offset_y_m": 0.05},
+            "tank": _tank((1.0, 0.8, 6.0), 0.35, 0.3, "flat", panes="sides", pane_reflectance=0.9),
+            "detector": _planes((1.5, 3.0, 4.5), 0.7, 7),
+        },
+        1.2e8,
+        (),
     ),
 )

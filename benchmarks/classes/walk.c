@@ -2,14 +2,16 @@
 
    Every photon flies straight until it collides (Beer-Lambert, coefficient b), is turned by a phase function
    (Henyey-Greenstein, or Fournier-Forand by the cumulated form of Fournier and Jonasz 1999), and in a tank
-   meets walls, which reflect after Lambert, and a water surface, which mirrors after Fresnel. All choices are
-   those of nature; only absorption is a weight, exp(-integral of a along the path). Photons of little weight,
-   and such as fly away beyond the last plane, play roulette, which changes no mean.
+   meets walls, which reflect after Lambert, panes, whose two faces mirror after Fresnel and which leave the
+   rest to a wall behind them, and a water surface, which mirrors after Fresnel. All choices are those of
+   nature; only absorption is a weight, exp(-integral of a along the path). Photons of little weight, and such
+   as fly away beyond the last plane, play roulette, which changes no mean.
 
    Counted is the power that crosses square cells of planes z = const forward, per area, for unit radiant
    intensity on the lamp's axis. Eight classes of light are told apart:
        0 direct, 2 walls, 4 surface and at most one wall, 6 surface and walls twice or more,
-   and one more of each, the same scattered as well.
+   and one more of each, the same scattered as well. In a tank with panes 2 is light that met walls, whatever
+   else it met, and 4 such as met surface or panes alone; there is no 6.
 
    walk FILE: lines "name value..." (see `struct scene`), x across, y up, z along the tank, lamp window at 0.
    Prints numbers by batch, class, plane, row (y) and column (x), the last running fastest. */
@@ -34,6 +36,7 @@ static struct scene {
     double tank, width, depth, length, back, lamp_depth;    /* tank = 1: there are walls */
     double wall, floor;                                     /* albedos */
     double surface, slope_deg, index;                       /* surface = 1: water under air; waves */
+    double glass_sides, glass_others, glass; /* factors on what panes mirror (others: floor, ends); index */
     double half, cells, planes, z[MOST_PLANES];             /* planes: half their side, cells along it, z */
     double acceptance_deg;                                  /* half width of a Gaussian acceptance */
 } s;
@@ -43,7 +46,8 @@ static const struct { const char *name; double *at; } fields[] = {
     FIELD(tilt_x_deg), FIELD(tilt_y_deg), FIELD(behind), FIELD(radius), FIELD(a), FIELD(b), FIELD(g),
     FIELD(gradient), FIELD(gradient_centre), FIELD(ff_n), FIELD(ff_mu), FIELD(tank), FIELD(width),
     FIELD(depth), FIELD(length), FIELD(back), FIELD(lamp_depth), FIELD(wall), FIELD(floor), FIELD(surface),
-    FIELD(slope_deg), FIELD(index), FIELD(half), FIELD(cells), FIELD(acceptance_deg),
+    FIELD(slope_deg), FIELD(index), FIELD(glass_sides), FIELD(glass_others), FIELD(glass), FIELD(half),
+    FIELD(cells), FIELD(acceptance_deg),
 };
 
 /* Roulette: a photon left with less than this part of its light goes on with this chance, and weighs more. */
@@ -181,6 +185,24 @@ static double fresnel(double cosine) {
     return 0.5 * (across * across + within * within);
 }
 
+/* Part that two faces reflect, between which light goes to and fro, from the amplitude that each reflects. */
+static double both_faces(double one, double other) {
+    one *= one, other *= other;
+    return (one + other - 2 * one * other) / (1 - one * other);
+}
+
+/* Unpolarised reflectance of a pane with air behind for light from the water; no phases, no absorption. */
+static double pane(double cosine) {
+    double n = s.index, m = s.glass, sine_square = n * n * (1 - cosine * cosine);
+    if (sine_square >= 1) return 1;
+    double out = sqrt(1 - sine_square), inside = sqrt(1 - sine_square / (m * m));
+    double across = both_faces((n * cosine - m * inside) / (n * cosine + m * inside),
+                               (m * inside - out) / (m * inside + out));
+    double within = both_faces((m * cosine - n * inside) / (m * cosine + n * inside),
+                               (inside - m * out) / (inside + m * out));
+    return 0.5 * (across + within);
+}
+
 /* Mirror u at the surface above; returns the part that is reflected. Waves are facets whose slopes are normal
    across and along alike; each is met as often as its area seen by the light says. */
 static double mirror(double *u) {
@@ -221,6 +243,7 @@ int main(int count, char **words) {
     int batches = (int)s.batches, planes = (int)s.planes, cells = (int)s.cells;
     long each = (long)(s.photons / batches);
     double end = s.z[planes - 1];
+    int panes = s.glass_sides > 0 || s.glass_others > 0;
     for (int batch = 0; batch < batches; batch++)
         for (long n = 0; n < each; n++) {
             double u[3] = {axis[0], axis[1], axis[2]}, ring = s.radius * sqrt(uniform());
@@ -241,6 +264,7 @@ int main(int count, char **words) {
                     if (to < way) way = to, wall = k;
                 }
                 int kind = (mirrored ? (walls > 1 ? 6 : 4) : walls ? 2 : 0) + scattered;
+                if (panes && walls) kind = 2 + scattered;
                 for (int i = 0; u[2] > 0 && i < planes; i++) {
                     double to = (s.z[i] - at[2]) / u[2];
                     if (to <= 0 || to > way) continue;
@@ -261,8 +285,13 @@ int main(int count, char **words) {
                 } else {
                     double sign = u[wall] > 0 ? -1 : 1;
                     at[wall] = u[wall] > 0 ? last[wall] : first[wall];
-                    if (s.surface && wall == 1 && sign < 0) {
+                    int top = wall == 1 && sign < 0;
+                    double bare = wall == 0 ? s.glass_sides : top ? 0 : s.glass_others;
+                    if (s.surface && top) {
                         if (uniform() >= mirror(u)) break;
+                        mirrored = 1;
+                    } else if (bare > 0 && uniform() < bare * pane(fabs(u[wall]))) {
+                        u[wall] = -u[wall];
                         mirrored = 1;
                     } else {
                         if (uniform() >= (wall == 1 && sign > 0 ? s.floor : s.wall)) break;
