@@ -73,7 +73,8 @@ def nearest_keys(path: str, valid: Iterable[str]) -> str:
             return f"did you mean {key} ({how})?"
     leaf = path.rpartition(".")[2]
     leaves = {c: c.rpartition(".")[2] for c in choices}
-    near = [c for c in choices if leaves[c].startswith(f"{leaf}_") or leaves[c].endswith(f"_{leaf}")]
+    near = [c for c in choices if leaves[c] == f"{leaf}s"]
+    near = near or [c for c in choices if leaves[c].startswith(f"{leaf}_") or leaves[c].endswith(f"_{leaf}")]
     # A part that both have in front does not make two keys alike.
     alike = [c for c in choices if difflib.SequenceMatcher(None, leaves[c], leaf).ratio() >= _ALIKE]
     near = near or difflib.get_close_matches(path, alike, n=1, cutoff=_ALIKE)

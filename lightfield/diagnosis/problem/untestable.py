@@ -85,7 +85,8 @@ _WORDS = {
     Hinders.NO_TANK: "the scene has no [tank]",
     Hinders.NARROW_VIEW: "what this detector sees of the surface is traced, with waves as the scene "
     "states them",
-    Hinders.NO_PANES: "the scene does not say that the tank has panes of glass (tank.panes)",
+    Hinders.NO_PANES: 'the scene does not say that the tank has panes of glass (tank.panes = "all" or '
+    '"sides"; with pane_reflectance = 0 they are looked for)',
     Hinders.NO_WATER: "no reading was taken in water",
     Hinders.NOT_BOTH_MEDIA: "needs readings in air and in water",
     Hinders.FEW_WAVELENGTHS: "needs readings at three wavelengths or more",

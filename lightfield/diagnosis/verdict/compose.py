@@ -19,6 +19,7 @@ from lightfield.diagnosis.verdict.best_set import unnamed
 from lightfield.diagnosis.verdict.best_set.found_effects import found_effects
 from lightfield.diagnosis.verdict.best_set.scattered_too import WithScattering
 from lightfield.diagnosis.verdict.cautions.caution import Caution
+from lightfield.diagnosis.verdict.cautions.glass import of_glass
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import cautions, variance_scale
 from lightfield.diagnosis.verdict.cautions.plausibility import exchanged, hints
 from lightfield.diagnosis.verdict.estimates import estimates, units_in
@@ -324,6 +325,7 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
                 *([basis.lamp_instead] if basis.lamp_instead else []),
                 *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
                 *exchanged(basis.forward, problem, finding),
+                *of_glass(basis.forward, problem, finding),
                 *cautions(basis.readings, basis.prepared, finding, explanations),
             ],
         ),

@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import quad
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.readings import Readings
 from lightfield.render.at_readings import render_positions, rendered_light
 from lightfield.render.diffuse.directed import Keeper
@@ -236,25 +237,41 @@ def test_light_of_fits_in_turbid_water(tank: dict[str, Any], stated: dict[str, f
         assert error < 0.08 * mean[on].sum()
 
 
+def measured(truth: Scene) -> Readings:
+    """Readings of a full trace, with errors of 0.5 %."""
+    rng = np.random.default_rng(5)
+    x, y, z = (g.ravel() for g in np.meshgrid(np.linspace(-0.3, 0.3, 5), [-0.15, 0.1], [1.0, 2.0, 3.0, 4.0]))
+    bare = Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=np.ones(x.size))
+    light, error = rendered_light(truth, bare, max_photons=2e6, rel_error=0.002)
+    value = light / light.max()
+    stderr = np.hypot(0.005 * value, error / light.max())
+    noisy = value + stderr * rng.standard_normal(x.size)
+    return Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=noisy, stderr=stderr)
+
+
 @pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize(
     ("faces", "surface"), [("sides", "none"), pytest.param("all", "flat", marks=pytest.mark.slow)]
 )
 def test_a_tank_of_glass_that_nobody_thought_of_is_found(faces: str, surface: str) -> None:
-    """Readings of a full trace; the scene says that there are panes, and that they are covered."""
-    rng = np.random.default_rng(5)
-    x, y, z = (g.ravel() for g in np.meshgrid(np.linspace(-0.3, 0.3, 5), [-0.15, 0.1], [1.0, 2.0, 3.0, 4.0]))
-    truth = scene({"lamp.hwhm_deg": 14.0}, panes=faces, surface=surface)
-    bare = Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=np.ones(x.size))
-    light, error = rendered_light(truth, bare, max_photons=2e6, rel_error=0.002)
-    value = light / light.max()
-    stderr = np.hypot(0.005 * value, error / light.max())
-    table = Readings.from_arrays(
-        x_m=x, y_m=y, z_m=z, value=value + stderr * rng.standard_normal(x.size), stderr=stderr
-    )
+    """The scene says that there are panes, and that they are covered."""
+    table = measured(scene({"lamp.hwhm_deg": 14.0}, panes=faces, surface=surface))
     believed = scene(panes=faces, pane_reflectance=0.0, surface=surface)
     only = ["pane_reflection", "wall_reflection", "background", "water_gradient"]
     verdict = diagnose(table, believed, only=only, advise=False).verdict
     assert verdict.effects == ["pane_reflection"], verdict.sentence
     found = verdict.explanations[0].parameters["tank.pane_reflectance"]
     assert abs(found.value - 1.0) < 4 * found.stderr < 0.2
+
+
+@pytest.mark.usefixtures("backend")
+@pytest.mark.parametrize(
+    ("tank", "about"), [({"panes": "sides"}, 'tank.panes = "sides"'), ({"wall_albedo": 0.5}, None)]
+)
+def test_who_says_nothing_of_panes_is_asked_for_them(tank: dict[str, Any], about: str | None) -> None:
+    """Where they do better than all that was tried; walls that do reflect are no glass."""
+    table = measured(scene({"lamp.hwhm_deg": 14.0}, **tank))
+    verdict = diagnose(table, scene(), only=["wall_reflection", "background"], advise=False).verdict
+    told = [one for one in verdict.cautions if one.warns is Warns.OF_GLASS]
+    assert [one.about for one in told] == ([about] if about else [])
+    assert all(one.speaks_of_a_mistake and "diagnose again" in one.sentence for one in told)

@@ -27,6 +27,8 @@ WRONG = {
         "[tank]\nfar_end_albedo = 0.02",
         ["tank.far_end_albedo", "did you mean tank.end_over_walls"],
     ),
+    "one of several": ('[tank]\npane = "all"', ["tank.pane", "did you mean tank.panes?"]),
+    "glass": ("[tank]\nglass_walls = true", ["tank.glass_walls", "did you mean tank.panes (panes of glass"]),
     "turbidity": ("[water]\nturbidity_ntu = 2", ["did you mean water.scattering_per_m"]),
     "nothing like it": ("[water]\nhue = 2", ["valid here are water."]),
     "unknown section": ("[lamps]\nx = 1", ["lamps", "unknown key", "lamp"]),

@@ -33,6 +33,7 @@ class Warns(str, Enum):
     AMPLIFIES = "water that amplifies"
     OF_BAND = "gain of a mean over the band"
     EXCHANGED = "x and y exchanged"
+    OF_GLASS = "walls of glass"
     COARSE_TABLE = "lamp's table in coarse steps"
     BEYOND_TABLE = "readings beyond the lamp's table"
     ANOTHER_LAMP = "another lamp than the table's"
@@ -47,7 +48,7 @@ class Warns(str, Enum):
 #: What speaks of a mistake in the table or the scene, which effects then stand in for.
 _MISTAKES = (
     Warns.SCATTER_FAR_MORE, Warns.WIDTH, Warns.MORE_ABSORPTION, Warns.LESS_ABSORPTION, Warns.GAIN,
-    Warns.IMMERSED, Warns.OF_BAND, Warns.EXCHANGED, Warns.COARSE_TABLE, Warns.ANOTHER_LAMP,
+    Warns.IMMERSED, Warns.OF_BAND, Warns.EXCHANGED, Warns.OF_GLASS, Warns.COARSE_TABLE, Warns.ANOTHER_LAMP,
 )  # fmt: skip
 #: The same of the table's own checks.
 _MISTAKES_OF_TABLES = (
@@ -118,6 +119,9 @@ _WORDS = {
     "if these readings are such, leave wavelength_nm out",
     Warns.EXCHANGED: "with x_m and y_m exchanged the scene comes much nearer to the readings (chi2 per "
     "reading {exchanged:.2g} instead of {as_given:.2g}): check the columns",
+    Warns.OF_GLASS: "walls of bare glass with air behind ({about}) come nearer to the readings, with nothing "
+    "else missing, than what was found (chi2 per reading {glass:.2g}, not {found:.2g}): if the tank has "
+    "them, state {about} and tank.pane_reflectance = 0, and diagnose again",
     Warns.COARSE_TABLE: "the lamp's table has steps of {step_deg:.2g} degrees, and smooth beams through them "
     "differ by up to {percent:.2g} % in the light of these readings: effects of lamp and receiver may "
     "stand in for that; measure it in finer steps",

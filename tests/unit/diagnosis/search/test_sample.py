@@ -87,7 +87,8 @@ def test_a_profile_that_a_sample_leads_has_the_errors_of_the_full_one(many: None
         told.append((found, errors, calls.count(problem.layout.size)))
     (led, errors, some), (full, all_errors, every) = told
     assert led.chi2 == pytest.approx(full.chi2, abs=0.1)
-    assert errors == pytest.approx(all_errors, rel=0.02)
+    # Between the last point within the bounds and one that the sample leaves: not to the last digit.
+    assert errors == pytest.approx(all_errors, rel=0.05)
     assert some < 0.9 * every
 
 

@@ -31,6 +31,7 @@ NUMBERS = {
     Warns.AMPLIFIES: {"least_per_m": -0.036},
     Warns.OF_BAND: {"ratio": 0.106},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
+    Warns.OF_GLASS: {"glass": 0.82, "found": 1.9},
     Warns.COARSE_TABLE: {"step_deg": 1.5, "percent": 2.3},
     Warns.BEYOND_TABLE: {"beyond": 17.0, "readings": 65.0, "from_deg": 9.7},
     Warns.ANOTHER_LAMP: {"width_deg": 5.21, "better": 14.0},
