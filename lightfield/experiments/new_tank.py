@@ -33,7 +33,7 @@ _OPEN_M = (1.0, 2.0, 3.0, 4.0, 5.0)
 #: From the wall, the part of the room that readings keep away.
 _CLEAR = 0.9
 #: Questions that only a tank has answers to.
-OF_TANK = ("lamp_depth", "walls", "surface")
+OF_TANK = ("lamp_depth", "walls", "panes", "surface")
 #: Seed of the order in which places are read: the same tank, the same table.
 _ORDER = 0
 #: The smallest size of any tank is less; the deepest pools are 10 to 25 m across.
@@ -204,6 +204,9 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
     _refuse_other_units(sizes, given["tank"])
     if given["surface"].lower() not in ("yes", "no"):
         raise UsageError("neither yes nor no", where="surface", found=given["surface"], rule="yes or no")
+    panes = given["panes"].lower()
+    if panes not in ("no", "all", "sides"):
+        raise UsageError("no such panes", where="panes", found=given["panes"], rule="no, all or sides")
     named = zip(("width_m", "depth_m", "length_m"), sizes, strict=True)
     top = "flat" if given["surface"].lower() == "yes" else "none"
     half = f"{sizes[1] / 2:g}"
@@ -219,7 +222,9 @@ def tank_lines(given: Mapping[str, str]) -> list[str]:
         f"behind_lamp_m = {min(_BEHIND_M, 0.1 * sizes[2]):g}    # from the wall behind to the lamp's window",
         f"wall_albedo = {typed_number(given['walls'], 'walls')}    # what walls and floor reflect",
         "# floor_over_walls = 1.0    # the floor, in multiples of that; end_over_walls: the far end",
-        '# panes = "all"    # walls, floor and ends of bare glass, with air behind; "sides": of a flume',
+        '# panes = "all"    # sides, floor and ends of bare glass, with air behind; "sides": of a flume'
+        if panes == "no"
+        else f'panes = "{panes}"    # bare glass with air behind, a mirror; pane_reflectance = 0 if covered',
         f'surface = "{top}"    # flat: water against air; none: a lid like the walls',
     ]
 

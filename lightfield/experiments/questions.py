@@ -40,6 +40,10 @@ QUESTIONS = (
         "walls", "Part of the light that walls and floor send back",
         "0 to 1: black cloth 0.02, dark paint 0.1, white tiles 0.7", "0.1",
     ),
+    Question(
+        "panes", "Are walls bare glass with air behind",
+        "no, all (sides, floor and ends), or sides (of a flume)", "no",
+    ),
     Question("surface", "Is there a free water surface above", "yes or no", "yes"),
     Question(
         "lamp", "Spectrum of the lamp",

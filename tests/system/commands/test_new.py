@@ -56,13 +56,14 @@ class Terminal(io.StringIO):
 
 def test_on_a_terminal_it_asks_and_asks_again(tmp_path, monkeypatch, capsys):
     """Answers one by one; an empty line takes the default, a wrong answer is asked for once more."""
-    answers = ["a lot", "1x1x4", "", "0.5", "", "led-cyan", "", "", "", "", "", "", "5"]
+    answers = ["a lot", "1x1x4", "", "0.5", "sides", "", "led-cyan", "", "", "", "", "", "", "5"]
     monkeypatch.setattr("sys.stdin", Terminal("\n".join(answers) + "\n"))
     assert main(["new", "tank", "-o", str(tmp_path / "mine")]) == 0
     printed = capsys.readouterr().out
     assert printed.count("Width, depth and length") == 2 and "not understood" in printed
     scene = Scene.load(tmp_path / "mine" / "scene.toml")
-    assert scene.tank.length_m == 4 and scene.tank.wall_albedo == 0.5 and scene.lamp.spectrum == "led-cyan"
+    assert scene.tank.length_m == 4 and scene.tank.wall_albedo == 0.5 and scene.tank.panes == "sides"
+    assert scene.lamp.spectrum == "led-cyan"
 
 
 def test_a_terminal_that_closes_takes_the_defaults_of_the_rest(tmp_path, monkeypatch, capsys):

@@ -63,6 +63,7 @@ def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
         ({"tank": "2000x1000x6000"}, "2x1x6 if these are millimetres or 20x10x60 if these are centimetres"),
         ({"tank": "none", "planes": "1000,2000"}, "millimetres over 1000"),
         ({"tank": "none", "walls": "0.7", "surface": "no"}, "walls, surface: open water has no walls"),
+        ({"panes": "yes"}, "panes: no such panes; found 'yes'; rule: no, all or sides"),
     ],
 )
 def test_millimetres_are_not_taken_for_metres(answers: dict[str, str], said: str) -> None:
@@ -155,3 +156,10 @@ def test_whatever_is_answered_there_is_a_scene_or_a_clear_error(name: str, answe
         assert str(error)
     else:
         assert Scene.from_toml(made.scene_text) == made.scene
+
+
+@pytest.mark.parametrize(("said", "faces"), [("no", "none"), ("All", "all"), ("sides", "sides")])
+def test_walls_of_glass_are_asked_for(said: str, faces: str) -> None:
+    made = new_tank({"panes": said, "walls": "0"}, "glass")
+    assert made.scene.tank is not None and made.scene.tank.panes == faces
+    assert made.scene.reflects and made.scene.pane_reflectance == (0.0 if said == "no" else 1.0)
