@@ -45,7 +45,8 @@ def test_polynomials_leave_no_more_of_walked_light_than_is_stated() -> None:
 
 @pytest.mark.slow
 def test_dense_forward_scattering_is_found_within_its_errors() -> None:
-    """b = 0.4 per m, g = 0.96: a search alone falls short by many of its errors, and settled it does not."""
+    """b = 0.4 per m, g = 0.96: a search alone falls short by more than two of its errors, and settled it does
+    not."""
     case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
     readings, scene = readings_of(case, 0, walk=False), case.believed
     pulls = []
@@ -56,7 +57,7 @@ def test_dense_forward_scattering_is_found_within_its_errors() -> None:
         pulls.append({path: (numbers[path].value - truth) / (numbers[path].stderr or np.nan)
                       for path, truth in case.truth.items() if path in numbers})  # fmt: skip
     search, settled = pulls
-    assert search["water.scattering_per_m"] < -3
+    assert search["water.scattering_per_m"] < -2
     assert all(abs(pull) < 3 for pull in settled.values())
 
 
