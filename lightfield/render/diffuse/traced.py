@@ -20,7 +20,7 @@ from lightfield.render.diffuse.trace_errors import ClassLight, TraceErrors
 from lightfield.render.reflected.reflected_light import bareness
 from lightfield.render.response.beam_tallies import BeamTallies, roots
 from lightfield.render.response.light_classes import CLASSES, FROM_MIRRORS, FROM_WALLS, NEVER_SCATTERED
-from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.response import Reference, TransportResponse, Waters
 from lightfield.scene import Scene
 from lightfield.scene.water.hardening import within_band
 
@@ -99,7 +99,7 @@ class TracedLight:
         for kind in (k for k in lit if k in beams.rows_of):
             mine = beams.rows_of[kind]
             mirrored, part = self._panes(kind, panes)
-            water = absorption, scattering, rho * ones, surface * ones
+            water = Waters(absorption, scattering, rho * ones, surface * ones, mirrored)
             tallies = beams.contracted(kind, scene.lamp)
             lit_by = traced.over(tallies)
             along = np.exp(-change[:, None] * lit_by.straight_m)
@@ -108,14 +108,14 @@ class TracedLight:
                 each = (light * along).reshape(len(light), len(a), len(within), -1)
                 return np.asarray(beams.at_cells(part * (average @ each)))
 
-            found = at_nodes(lit_by.weighed(tallies, *water, mine, mirrored))
+            found = at_nodes(lit_by.weighed(tallies, water, mine))
             value, passed_on = self.between_g.light(found, shares, errors)
             uncertain: Array = np.zeros_like(value)
             if errors:
-                found = at_nodes(lit_by.uncertain(tallies, *water, mine, mirrored))
+                found = at_nodes(lit_by.uncertain(tallies, water, mine))
                 uncertain, _ = self.between_g.light(found, shares, False)
             noises = []
-            weights = rows.row_weights(*water, mine, mirrored) if errors else np.zeros((0, 0))
+            weights = rows.row_weights(water, mine) if errors else np.zeros((0, 0))
             for i, passed in enumerate(passed_on):
                 mixed = np.einsum("whr,h->wr", weights.reshape(len(a), len(within), -1), average)
                 own = traced.relative_stderr[i, kind] * roots(beams.thinning(i, kind, scene.lamp, mixed))

@@ -33,7 +33,7 @@ from lightfield.render.limits import FIELD_PHOTONS, check_photons, refuse_too_la
 from lightfield.render.maps import transport_key
 from lightfield.render.response import response_cache
 from lightfield.render.response.grid import Grid, reference_of
-from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.response import Reference, TransportResponse, Waters
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm, molecular_share
 from lightfield.scene.lamp.colour import in_colour
@@ -341,10 +341,10 @@ class TracedField:
         """All coefficients of all components, shape (4, n_z, n_y, n_x)."""
         return _Layers(self, slice(0, self.layers)).weighed(self.histories.whole.tally)
 
-    def coefficients(self) -> tuple[Array, Array, Array, Array]:
-        """a, b, wall albedo and surface of this water, 1/m and 1, shape (1,) each."""
+    def coefficients(self) -> Waters:
+        """Of this water, its walls and its surface, shape (1,) each."""
         rho, surface = (np.array([v]) for v in self.scene.reflectances)
-        return *self._water, rho, surface
+        return Waters(*self._water, rho, surface)
 
 
 @dataclass(frozen=True)
@@ -378,7 +378,7 @@ class _Layers:
         """
         response = self._response
         weigh = response.uncertain if uncertain else response.weighed
-        found = weigh(coefficients, *self.field.coefficients(), slice(None))
+        found = weigh(coefficients, self.field.coefficients(), slice(None))
         return np.asarray(found.reshape(-1, *response.straight_m.shape))
 
     @property

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,6 +47,26 @@ class Reference:
     pane_reflectance: float = field(default=0.0, repr=False)
     #: The part of what is diffuse in the tank that bare panes would mirror where it meets a wall.
     by_panes: float = field(default=0.0, repr=False)
+
+
+class Waters(NamedTuple):
+    """Waters that a response is asked for, each with its walls and surface; arrays of shape (n_waters,).
+
+    Parameters
+    ----------
+    a, b : array, m^-1
+        Absorption and scattering coefficients.
+    rho, surface : array
+        Wall albedo; multiplier of the surface's Fresnel reflectance.
+    panes : float, optional
+        The same of panes, of all waters; default: as traced.
+    """
+
+    a: Array
+    b: Array
+    rho: Array
+    surface: Array
+    panes: float | None = None
 
 
 @dataclass(frozen=True)
@@ -166,11 +186,12 @@ class TransportResponse:
 
     def _batches(self, a: Array, b: Array, rho: Array, surface: Array, *, part: str) -> Array:
         self._refuse_other_surface(surface)
-        weights = self.row_weights(a, b, rho, surface)
+        waters = Waters(a, b, rho, surface)
+        weights = self.row_weights(waters)
         if part != "all":
             weights[:, self.is_direct != (part == "direct")] = 0
         varying = np.flatnonzero(self.varying(b) & weights.any(axis=0))
-        more = self._of_varying(self.tally[:, varying], a, b, rho, surface, varying) if len(varying) else 0.0
+        more = self._of_varying(self.tally[:, varying], waters, varying) if len(varying) else 0.0
         weights[:, varying] = 0
         used = np.flatnonzero(weights.any(axis=0))
         first, last = (used[0], used[-1] + 1) if len(used) else (0, 0)
@@ -195,74 +216,44 @@ class TransportResponse:
                 remedy="trace again with that surface",
             )
 
-    def weighed(
-        self,
-        tallies: Array,
-        a: Array,
-        b: Array,
-        rho: Array,
-        surface: Array,
-        rows: Rows,
-        panes: float | None = None,
-    ) -> Array:
+    def weighed(self, tallies: Array, waters: Waters, rows: Rows) -> Array:
         """Tallies of some rows in other waters, without the attenuation along the straight line.
 
         Parameters
         ----------
         tallies : array, shape (k, n_rows, n_cells)
             Of cells as in `straight_m`.
-        a, b, rho, surface : array, shape (n_waters,)
-        panes : float, optional
-            Factor on the Fresnel reflectance of panes; default: as traced.
 
         Returns
         -------
         array, shape (k, n_waters, n_cells)
         """
-        weights, varying = self.row_weights(a, b, rho, surface, rows, panes), self.varying(b, rows)
+        weights, varying = self.row_weights(waters, rows), self.varying(waters.b, rows)
         weights[:, varying] = 0  # a few rows that do not count cost less than a copy of the others
         weights = weights.astype(tallies.dtype)
         light = np.stack([weights @ tally for tally in tallies])
         if not varying.any():
             return light
         some = np.arange(len(self.histories))[rows][varying]
-        return np.asarray(light + self._of_varying(tallies[:, varying], a, b, rho, surface, some, panes))
+        return np.asarray(light + self._of_varying(tallies[:, varying], waters, some))
 
-    def uncertain(
-        self,
-        tallies: Array,
-        a: Array,
-        b: Array,
-        rho: Array,
-        surface: Array,
-        rows: Rows,
-        panes: float | None = None,
-    ) -> Array:
+    def uncertain(self, tallies: Array, waters: Waters, rows: Rows) -> Array:
         """Error of what `weighed` gives by the number of scatterings that open-ended rows do not tell."""
+        b = waters.b
         some = np.arange(len(self.histories))[rows][varying := self.varying(b, rows)]
         if not len(some):
             return np.zeros((len(tallies), len(b), tallies.shape[2]))
         before = self.reference.scattering_per_m
         beyond = self._lengths.beyond(self.histories[some, 0], self.excess_m[some], before)
-        light = self._of_varying(tallies[:, varying] * beyond, a, b, rho, surface, some, panes)
+        light = self._of_varying(tallies[:, varying] * beyond, waters, some)
         return OPEN_ENDED_ERROR * np.abs(np.log(np.maximum(b, TINY) / before))[:, None] * light
 
-    def _of_varying(
-        self,
-        tallies: Array,
-        a: Array,
-        b: Array,
-        rho: Array,
-        surface: Array,
-        rows: NDArray[np.integer[Any]],
-        panes: float | None = None,
-    ) -> Array:
+    def _of_varying(self, tallies: Array, waters: Waters, rows: NDArray[np.integer[Any]]) -> Array:
         """The same of open-ended rows, whose factor is another in every cell; (k, n_waters, n_cells)."""
-        n = self.histories[rows, 0]
+        n, b = self.histories[rows, 0], waters.b
         ref, excess = self.reference, self.excess_m[rows]
-        factor = self._reflecting(rho, surface, rows, panes) * np.exp(
-            (ref.absorption_per_m - a)[:, None] * excess
-        )
+        along = np.exp((ref.absorption_per_m - waters.a)[:, None] * excess)
+        factor = self._reflecting(waters, rows) * along
         more = np.exp((b - ref.scattering_per_m)[:, None] * self._straight_of_tally)
         out = np.empty((len(tallies), len(b), tallies.shape[2]), tallies.dtype)
         step = max(_AT_ONCE // max(len(rows) * tallies.shape[2], 1), 1)
@@ -310,20 +301,12 @@ class TransportResponse:
         """Values of the cells of the tally as maps: shape (n, n_cells) to (n, n_planes, n_y, n_x)."""
         return values.reshape(-1, *self.shape) if self.merged is None else values[:, self.merged]
 
-    def row_weights(
-        self,
-        a: Array,
-        b: Array,
-        rho: Array,
-        surface: Array,
-        rows: Rows = slice(None),
-        panes: float | None = None,
-    ) -> Array:
+    def row_weights(self, waters: Waters, rows: Rows = slice(None)) -> Array:
         """Factor of every row, or of some, without the attenuation along the straight line; (n, n_rows).
 
         Of open-ended rows that in the middle of the cells, see `weighed`.
         """
-        ref = self.reference
+        ref, (a, b, rho, surface, panes) = self.reference, waters
         if (b > 0).any() and ref.scattering_per_m == 0:
             raise RenderError(
                 "this response was traced without scattering",
@@ -343,20 +326,23 @@ class TransportResponse:
         name = rows.tobytes() if isinstance(rows, np.ndarray) else repr(rows).encode()
         known, factor = self._last.get(name, (None, np.zeros(0)))
         if known != key:
-            factor = self._scattering(b, rows) * self._reflecting(rho, surface, rows, panes)
+            factor = self._scattering(b, rows) * self._reflecting(waters, rows)
             self._last[name] = key, factor
         return np.asarray(factor * np.exp(-change * self.excess_m[rows]))
 
-    def _reflecting(self, rho: Array, surface: Array, rows: Rows, panes: float | None) -> Array:
+    def _reflecting(self, waters: Waters, rows: Rows) -> Array:
         """Factor (rho / rho_0)^m s^k (w / w_0)^j of rows, shape (n, n_rows)."""
         ref, (_, m, k, *j) = self.reference, self.histories[rows].T
+        _, _, rho, surface, panes = waters
+        by_panes: Array | float = 1.0
         if panes is not None and j:
             # What a pane does not mirror is for what is behind it to send back; on average over directions.
             before, part = ref.pane_reflectance, ref.by_panes
             rho = rho * (1 - part * panes) / (1 - part * before)
-            return self._reflecting(rho, surface, rows, None) * (panes / before) ** j[0]
+            by_panes = (panes / before) ** j[0]
         walls = (rho / ref.wall_albedo if ref.wall_albedo else np.zeros_like(rho))[:, None] ** m
-        return np.asarray(walls * (surface / (ref.surface_reflectance or 1.0))[:, None] ** k)
+        mirrored = (surface / (ref.surface_reflectance or 1.0))[:, None] ** k
+        return np.asarray(walls * mirrored * by_panes)
 
     def _scattering(self, b: Array, rows: Rows) -> Array:
         """Factor (b / b_0)^n of every row, shape (n, n_rows).

@@ -24,7 +24,7 @@ from lightfield.render.diffuse.bending import surrounded
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.maps import render_scene
 from lightfield.render.response.grid import positions_grid
-from lightfield.render.response.response import Reference
+from lightfield.render.response.response import Reference, Waters
 from lightfield.render.settings import CachedTracing
 from lightfield.scene import Scene
 from lightfield.scene.bands import first_band_w_per_sr, over_first_band
@@ -194,7 +194,7 @@ def _late_light(
     late = ~response.is_direct
     # The mean over a cell, [batches, rows, nodes], scaled to the light in its middle.
     tally = response.tally[:, late][:, :, response.read_from(shift.cell)].astype(float)
-    rows = response.row_weights(a_k, b_k, 0 * a_k, 0 * a_k)[:, late]
+    rows = response.row_weights(Waters(a_k, b_k, 0 * a_k, 0 * a_k))[:, late]
     straight = np.exp(np.outer(a + b - a_k - b_k, response.straight_m.ravel()[shift.cell]))
     tally *= np.einsum("k,kr,kn->rn", colours.share, rows, straight)
     tally *= diffuse / np.maximum(tally.mean(axis=0).sum(axis=0), 1e-300)

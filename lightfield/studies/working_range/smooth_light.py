@@ -24,7 +24,7 @@ from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.formula.vector import by_place, direct_flux, on_receivers
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.render.response.grid import COMPONENTS, Grid
-from lightfield.render.response.response import TransportResponse
+from lightfield.render.response.response import TransportResponse, Waters
 from lightfield.scene import Scene
 from lightfield.scene.bands import middles_nm
 from lightfield.scene.lamp.frame import axis_at
@@ -204,7 +204,7 @@ class SmoothLight:
         harder = np.exp(hardening_depth(scene.water, straight))
         diffuse = response.batches(float(a[0]), float(b[0]), rho, surface)[:, :, 0] * harder
         walls, top = np.array([rho]), np.array([surface])
-        doubt = response.uncertain(response.tally.mean(axis=0)[None], a, b, walls, top, slice(None))
+        doubt = response.uncertain(response.tally.mean(axis=0)[None], Waters(a, b, walls, top), slice(None))
         change = a + b - before.absorption_per_m - before.scattering_per_m
         doubt = doubt.reshape(straight.shape) * np.exp(-change * straight) * harder
         steps = np.pad(self.cells.pitch_m * in_cell(2).at, ((0, 0), (0, 1)))  # all nodes count the same

@@ -14,7 +14,7 @@ from lightfield.formula.closed_form import direct_field
 from lightfield.render.backend import use_backend
 from lightfield.render.maps import Rendering, render_scene
 from lightfield.render.response.grid import scene_grid
-from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.response import Reference, TransportResponse, Waters
 from lightfield.scene import Scene
 
 SCENE = Scene.from_dict(
@@ -114,9 +114,9 @@ def test_light_of_dense_water_in_clearer_water() -> None:
     own, other = fresh_and_evaluated(scene, Reference(0.05, 2.1, 0.5, 1.0), 2e6)
     planes = [one.batches(0.1, 1.05, 0.5, 1.0, part="diffuse").mean(axis=(2, 3)) for one in (own, other)]
     (mine, noise), (found, more) = ((p.mean(0), p.std(0, ddof=1) / np.sqrt(len(p))) for p in planes)
-    tally, water = other.tally.mean(axis=0)[None], [np.array([v]) for v in (0.1, 1.05, 0.5, 1.0)]
+    tally, water = other.tally.mean(axis=0)[None], Waters(*np.array([[0.1], [1.05], [0.5], [1.0]]))
     along = np.exp((2.15 - 1.15) * other.straight_m)
-    uncertain = other.uncertain(tally, *water, slice(None)).reshape(along.shape)
+    uncertain = other.uncertain(tally, water, slice(None)).reshape(along.shape)
     stated = (uncertain * along).mean(axis=(1, 2))
     assert (stated < 0.06 * mine).all()
     assert (np.abs(found - mine) < stated + 3 * np.hypot(noise, more)).all()
@@ -242,8 +242,8 @@ def test_what_is_kept_between_waters_is_that_of_the_walls_asked_for() -> None:
     straight, reference = np.ones((1, 1, 1)), Reference(0.1, 0.2, 0.5)
     response = TransportResponse(np.ones((1, 3, 1)), histories, np.zeros(3), straight, reference, 1)
     for rho, surface in ((0.5, 1.0), (0.25, 1.0), (0.25, 0.4), (0.5, 1.0)):
-        asked = (np.array([v]) for v in (0.1, 0.2, rho, surface))
-        weights = response.row_weights(*asked, np.arange(3))
+        asked = Waters(*(np.array([v]) for v in (0.1, 0.2, rho, surface)))
+        weights = response.row_weights(asked, np.arange(3))
         np.testing.assert_allclose(weights[0], [1.0, rho / 0.5, surface])
 
 

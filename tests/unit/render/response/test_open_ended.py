@@ -8,7 +8,7 @@ from scipy.special import gammainc, gammaln
 
 from lightfield.arrays import Array
 from lightfield.render.response.open_ended import Lengths
-from lightfield.render.response.response import Reference, TransportResponse
+from lightfield.render.response.response import Reference, TransportResponse, Waters
 
 STRAIGHT = np.array([[[1.5, 1.7, 2.5]], [[3.5, 3.6, 9.0]]])  # m
 EXCESS = np.array([0.0, 0.3, 2.0])  # m
@@ -45,24 +45,22 @@ def test_light_of_open_ended_rows_in_other_water(b: float) -> None:
     found = one.evaluate(a, b)[0]
     np.testing.assert_allclose(found.ravel(), expected, rtol=3e-3)
     along = np.exp(-(a + b - A_0 - B_0) * STRAIGHT.ravel())
-    columns = [np.array([v]) for v in (a, b, 0.0, 0.0)]
-    np.testing.assert_allclose(
-        one.weighed(one.tally, *columns, slice(None))[0, 0] * along, expected, rtol=3e-3
-    )
+    water = Waters(*(np.array([v]) for v in (a, b, 0.0, 0.0)))
+    np.testing.assert_allclose(one.weighed(one.tally, water, slice(None))[0, 0] * along, expected, rtol=3e-3)
 
 
 def test_several_waters_and_a_part_of_the_rows() -> None:
     """Each water has its own light, in whatever order; rows that are not asked for do not count."""
     one, rows = response(), np.array([3, 8, 7, 4])
     b = np.array([0.3, 2.0, 1.1])
-    columns = [np.full(3, 0.2), b, np.zeros(3), np.zeros(3)]
-    every = one.weighed(one.tally[:, rows], *columns, rows)[0]
+    waters = Waters(np.full(3, 0.2), b, np.zeros(3), np.zeros(3))
+    every = one.weighed(one.tally[:, rows], waters, rows)[0]
     for k in range(3):
-        alone = one.weighed(one.tally[:, rows], *(c[k : k + 1] for c in columns), rows)[0, 0]
+        alone = one.weighed(one.tally[:, rows], Waters(*(c[k : k + 1] for c in waters[:4])), rows)[0, 0]
         np.testing.assert_allclose(every[k], alone, rtol=1e-12)
-    whole = one.weighed(one.tally, *columns, slice(None))[0]
+    whole = one.weighed(one.tally, waters, slice(None))[0]
     rest = np.setdiff1d(np.arange(9), rows)
-    np.testing.assert_allclose(whole - every, one.weighed(one.tally[:, rest], *columns, rest)[0], rtol=1e-9)
+    np.testing.assert_allclose(whole - every, one.weighed(one.tally[:, rest], waters, rest)[0], rtol=1e-9)
 
 
 @pytest.mark.parametrize("before", [0.2, 1.24, 2.1])
@@ -90,11 +88,11 @@ def test_the_error_of_open_ended_rows() -> None:
     """None in the water of the trace or without such rows; else a part of their light alone."""
     one, all_rows = response(), slice(None)
     b = np.array([B_0, 1.4, 0.7, 0.0])
-    columns = [np.full(4, 0.2), b, np.zeros(4), np.zeros(4)]
-    light, error = (f(one.tally, *columns, all_rows)[0] for f in (one.weighed, one.uncertain))
+    waters = Waters(np.full(4, 0.2), b, np.zeros(4), np.zeros(4))
+    light, error = (f(one.tally, waters, all_rows)[0] for f in (one.weighed, one.uncertain))
     relative = error[:3] / light[:3]
     assert (relative[0] == 0).all() and (error[3] < 1e-190).all()
-    top = one.weighed(one.tally[:, 6:], *columns, np.arange(6, 9))[0]
+    top = one.weighed(one.tally[:, 6:], waters, np.arange(6, 9))[0]
     assert (relative[1:] > 0).all() and (error[1:3] < 0.4 * np.log(B_0 / b[1:3, None]) * top[1:3]).all()
     few = np.array([0, 1, 2])  # scattered once
-    assert (one.uncertain(one.tally[:, few], *columns, few) == 0).all()
+    assert (one.uncertain(one.tally[:, few], waters, few) == 0).all()
