@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Key = TypeVar("Key")
 Value = TypeVar("Value")
@@ -63,3 +65,33 @@ class Latest(dict[Key, Value]):
         super().__setitem__(key, value)
         while len(self) > self.most:
             del self[next(iter(self))]
+
+
+def kept_within(
+    bytes_: float, fewest: int, size_of: Callable[[Value], int]
+) -> Callable[[Callable[..., Value]], Callable[..., Value]]:
+    """`functools.lru_cache` of values that are unlike in size: the latest, in so many bytes together.
+
+    Parameters
+    ----------
+    fewest : int
+        So many are kept whatever their size.
+    size_of : callable
+        Bytes of a value.
+    """
+
+    def of(function: Callable[..., Value]) -> Callable[..., Value]:
+        kept: dict[tuple[Any, ...], Value] = {}
+
+        @wraps(function)
+        def asked(*given: Any) -> Value:
+            value = kept.pop(given) if given in kept else function(*given)
+            kept[given] = value
+            held = sum(map(size_of, kept.values()))
+            while held > bytes_ and len(kept) > fewest:
+                held -= size_of(kept.pop(next(iter(kept))))
+            return value
+
+        return asked
+
+    return of

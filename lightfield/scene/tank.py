@@ -31,7 +31,7 @@ Extent = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 class Tank(Part):
     """A box of water: Lambertian or glass sides, floor, ends, and on top a lid or a water surface."""
 
-    width_m: float = number(3.66, "m", "wall to wall in x", Acts.BOX, above=0.0, high=1e5)
+    width_m: float = number(3.66, "m", "wall to wall; the middle is x = 0", Acts.BOX, above=0.0, high=1e5)
     depth_m: float = number(2.44, "m", "floor to surface", Acts.BOX, above=0.0, high=1e5)
     length_m: float = number(36.6, "m", "end to end in z", Acts.BOX, above=0.0, high=1e5)
     behind_lamp_m: float = number(

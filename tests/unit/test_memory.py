@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from lightfield.memory import Latest, free_bytes
+from lightfield.memory import Latest, free_bytes, kept_within
 
 
 def test_the_latest_are_kept_and_what_was_used_lately_too() -> None:
@@ -37,3 +37,19 @@ def test_free_memory_is_told_or_unbounded(monkeypatch: pytest.MonkeyPatch) -> No
     assert free_bytes() == 3 * 1024
     monkeypatch.setattr(Path, "read_text", lambda *_, **__: "")  # a system that does not tell
     assert free_bytes() == float("inf")
+
+
+def test_values_are_kept_as_far_as_there_is_room() -> None:
+    made: list[int] = []
+
+    @kept_within(100, 2, len)
+    def of(size: int) -> bytes:
+        made.append(size)
+        return bytes(size)
+
+    for size in (40, 50, 40, 20, 50):  # 110 together: the one that was asked for longest ago goes, 50
+        assert len(of(size)) == size
+    assert made == [40, 50, 20, 50]
+    for size in (300, 200, 300):  # two are kept whatever they take
+        of(size)
+    assert made == [40, 50, 20, 50, 300, 200]

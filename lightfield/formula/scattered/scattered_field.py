@@ -31,6 +31,7 @@ from lightfield.formula.scattered.single import (
     single_paths,
     times_about,
 )
+from lightfield.memory import kept_within
 from lightfield.scene import Scene
 from lightfield.scene.bands import molecular_share
 from lightfield.scene.lamp.colour import colour_by_colour
@@ -69,15 +70,16 @@ _ASIDE = 0.3
 #: A place at a node is so far from it, logarithmically.
 _AT_NODE = 1e-15
 _REMEMBERED, _STEPS = 64, 8
-#: So many paths and spreads, for other phase functions and widths, are remembered: of ten megabytes and of
-#: half of one each. A search goes to and fro between dozens. Measured where a search with scattered light
-#: takes longest: 5 and 10 take a seventh more time, 15 and 60 none less.
-_PATHS, _SPREADS = 8, 40
+#: Spreads, of half a megabyte each for another phase function, and paths, for another width too, of which as
+#: many are remembered as there is room for: 4 MB take those of a Gaussian, 20 those that come from behind
+#: the window. A search goes to and fro between dozens. Measured where a search with scattered light takes
+#: longest: 5 and 10 spreads take a seventh more time, 15 and 60 none less.
+_SPREADS, _PATH_BYTES, _FEWEST_PATHS = 40, 80e6, 3
 #: Places to which paths are worked out at once: there are up to 40,000 to each. Chosen: memory alone.
 _AT_ONCE = 16
-#: Beams of which is remembered what they send along these: of one whose width has a colour a dozen are asked
-#: for by turns, one for each band. Chosen: memory alone.
-_BEAMS = 24
+#: What beams send along these, which is remembered likewise: of one whose width has a colour a dozen are
+#: asked for by turns, one for each band. Chosen: memory alone.
+_BEAM_BYTES, _FEWEST_BEAMS = 40e6, 12
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
@@ -139,8 +141,8 @@ class _Tables:
         #: Of a lamp on the axis of the tank.
         self.light = lru_cache(_REMEMBERED)(self._light)
         # What does not change with the water, or with the lamp, in the steps of a fit.
-        self._paths = lru_cache(_PATHS)(self._paths_to)
-        self._sent = lru_cache(_BEAMS)(self._sent_along)
+        self._paths = kept_within(_PATH_BYTES, _FEWEST_PATHS, _size)(self._paths_to)
+        self._sent = kept_within(_BEAM_BYTES, _FEWEST_BEAMS, _size)(self._sent_along)
         self._spreads = lru_cache(_SPREADS)(self._spread)
 
     def _light(
@@ -279,6 +281,11 @@ class ScatteredField:
         path = beyond_window(length, self.z_m, -source[2])
         height = self.y_m - 0.5 * dy * (path / length)
         return _Seen(most, by_z, by_angle, table_path, turned / length**2, path, height)
+
+
+def _size(parts: Sequence[tuple[slice, TabledPaths | LitPaths]]) -> int:
+    """Bytes that paths, or what is sent along them, take by themselves."""
+    return sum(paths.nbytes for _, paths in parts)
 
 
 def _coefficients(scene: Scene, wavelengths_nm: Sequence[float | None]) -> tuple[Array, Array]:

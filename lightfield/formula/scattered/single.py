@@ -105,6 +105,11 @@ class TabledPaths(NamedTuple):
     water_m: Array
     share: Array
 
+    @property
+    def nbytes(self) -> int:
+        """Memory that they take."""
+        return sum(int(v.nbytes) for v in (self.onto.data, self.onto.indices, self.onto.indptr, self.water_m))
+
     @classmethod
     def of(cls, table: EmissionTable, paths: SinglePaths) -> TabledPaths:
         """Of these paths."""
@@ -159,6 +164,11 @@ class LitPaths(NamedTuple):
     sent: Array
     water_m: Array
     share: Array
+
+    @property
+    def nbytes(self) -> int:
+        """Memory that they take beside the paths alone."""
+        return int(self.sent.nbytes)
 
     def light(self, a: ArrayLike, b: ArrayLike, share: Array | None = None) -> Array:
         """Irradiance for unit intensity on the axis, m^-2, shape (n,) or (n_waters, n), in water of these.
