@@ -85,6 +85,11 @@ class Score:
         """Does the effect change anything here, be it as what is free does?"""
         return bool(self.template.columns.any())
 
+    @property
+    def unit(self) -> Array:
+        """What one unit of the first amplitude changes beside the fit, shape (n,)."""
+        return np.asarray(self.direction @ np.linalg.pinv(self.to_amplitude)[:, 0])
+
 
 @dataclass(frozen=True)
 class Adequacy:

@@ -17,12 +17,13 @@ from lightfield.fitting.effects.local import local_unknowns, ripple_periods_s
 from lightfield.fitting.effects.own import effects_of
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS
 
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
 _PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
-#: For a first look: widths of dips as parts of a scan, how many; steps at so many moments at most. Chosen:
-#: a fit that looks closer begins where one of them shows.
-_PARTS, _SHAPES_WIDE, _MOST_STEPS = (0.02, 0.25), 5, 200
+#: For a first look: widths of dips as parts of a scan, how many; steps at so many moments, and clouds between
+#: so many planes, at most. Chosen: a fit that looks closer begins where one of them shows.
+_PARTS, _SHAPES_WIDE, _MOST_STEPS, _MOST_EDGES = (0.02, 0.25), 5, 200, 6
 #: Such a part of a square is none. Derived: rounding of doubles, squared, with room.
 _ROUNDING = 1e-20
 #: Two ripples that differ by so many cycles over all angles are as far from each other as their phases are.
@@ -83,23 +84,33 @@ def left_by_an_unknown(layout: Layout, misfit: Array, prediction: Array, keep: A
 
 
 def _shapes(layout: Layout) -> Iterator[Array]:
-    """Steps in time, dips along x and y, and plumes that rise before all readings, each of shape (n, k)."""
+    """Steps in time, dips along x, y and time, plumes that rise before all readings, and clouds that pass,
+    each of shape (n, k)."""
     yield np.zeros((layout.size, 0))
+    for at in (layout.x_m, layout.y_m, layout.x_m / layout.z_m, layout.y_m / layout.z_m):
+        yield _dips(at)
     if layout.has_time:
         when = np.unique(layout.time_s)
         yield (layout.time_s[:, None] > 0.5 * (when[1:] + when[:-1])[_some(len(when) - 1)]).astype(float)
-    for at in (layout.x_m, layout.y_m, layout.x_m / layout.z_m, layout.y_m / layout.z_m):
-        low, high = float(at.min()), float(at.max())
-        if high > low:
-            places = np.linspace(low, high, 2 * _PLACES - 1)
-            widths = (high - low) * np.geomspace(*_PARTS, _SHAPES_WIDE)
-            off = (at[:, None] - places)[:, :, None] / widths
-            yield np.exp(-(off**2)).reshape(layout.size, -1)
+        dips, planes = _dips(layout.time_s), np.unique(np.round(layout.z_m, LINE_DECIMALS))
+        for beyond in (-np.inf, *(0.5 * (planes[1:] + planes[:-1]))[_some(len(planes) - 1, _MOST_EDGES)]):
+            yield dips * (layout.z_m > beyond)[:, None]
 
 
-def _some(count: int) -> NDArray[np.int_]:
+def _dips(at: Array) -> Array:
+    """Along a coordinate of the readings, (n,): at many places, of some widths; (n, k)."""
+    low, high = float(at.min()), float(at.max())
+    if high == low:
+        return np.zeros((len(at), 0))
+    places = np.linspace(low, high, 2 * _PLACES - 1)
+    widths = (high - low) * np.geomspace(*_PARTS, _SHAPES_WIDE)
+    off = (at[:, None] - places)[:, :, None] / widths
+    return np.exp(-(off**2)).reshape(len(at), -1)
+
+
+def _some(count: int, most: int = _MOST_STEPS) -> NDArray[np.int_]:
     """So many places among these, evenly."""
-    return np.unique(np.linspace(0, count - 1, min(count, _MOST_STEPS)).astype(int))
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int)) if count else np.zeros(0, int)
 
 
 def _by_a_ripple(layout: Layout, misfit: Array, light: Array, beyond: Callable[[Array], Array]) -> float:

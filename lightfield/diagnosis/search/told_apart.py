@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
@@ -123,34 +123,54 @@ def unseen_effects(
     return {name: (Hindrance(why),) for name, why in found.items()}
 
 
+def of_what_is_stated(scores: Iterable[Score]) -> list[Score]:
+    """Of each effect that the scene has, at the shape that it states."""
+    first: dict[str, Score] = {}
+    for score in scores:
+        if score.template.candidate.is_stated:
+            first.setdefault(score.template.candidate.name, score)
+    return list(first.values())
+
+
 def detection_limits(adequacy: Adequacy, scale: float) -> dict[str, Limit]:
     """Detection limit of every effect that is not in the fit, from its projected template.
 
     The size at which its own test alone falls below the level that the worst of all tests must reach, with
-    a probability of 95 %: a t whose scale is estimated, off from nought by the size in its errors.
+    a probability of 95 %: a t whose scale is estimated, off from nought by the size in its errors. Beside
+    what the scene states, of another size too: a background that was found before, and stated since, has
+    taken what it could of an effect.
 
     Parameters
     ----------
     scale : float
         Pure-error variance in units of the whitening.
     """
+    stated = of_what_is_stated(adequacy.scores)
     out: dict[str, Limit] = {}
     for score in adequacy.scores:
-        if score.testable and score.template.candidate.name not in out:
+        name = score.template.candidate.name
+        if score.testable and name not in out:
             parameter = score.template.candidate.amplitudes[0]
             level = adequacy.critical_p / (1 if score.template.candidate.one_sided else 2)
             sigmas = special.nctdtrinc(adequacy.nu, MISSED, -special.stdtrit(adequacy.nu, level))
-            size = float(sigmas) * np.sqrt(scale) / score.length
+            others = [s.direction for s in stated if s.template.candidate.name != name]
+            size = float(sigmas) * np.sqrt(scale) / max(_length_beside(score, others), TINY)
             room = max(parameter.high - parameter.start, parameter.start - parameter.low)
             at = min(size, room)
             toward = parameter.start + at if parameter.start + at <= parameter.high else parameter.start - at
             value = parameter.value(toward)
             if parameter.coordinate == "linear":
                 value = abs(value - parameter.value(parameter.start))
-            out[score.template.candidate.name] = Limit(
-                score.template.candidate.name, parameter.path, float(value), bool(size <= room)
-            )
+            out[name] = Limit(name, parameter.path, float(value), bool(size <= room))
     return out
+
+
+def _length_beside(score: Score, others: Sequence[Array]) -> float:
+    """What one unit of an effect changes beside the fit and beside directions of other effects."""
+    if not others:
+        return score.length
+    left = beside(orthonormal(np.hstack(others)), score.unit[:, None])
+    return float(np.linalg.norm(left))
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,10 @@
-"""Local unknowns: a dip across the beam, a plume, a step, a dip or a ripple in time, ripples over angles; few
-numbers each.
+"""Local unknowns: a dip across the beam, a plume, a step, a dip or a ripple in time, a cloud that passes,
+ripples over angles; few numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
 They are effects of the user's own, ready to be tested, renamed and made better. The shadow of a strut that
-moves with the detector is a dip, that of one which stands in the tank, and of bubbles that rise, a plume.
+moves with the detector is a dip, that of one which stands in the tank, and of bubbles that rise, a plume; of
+bubbles that come and go, a cloud.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from lightfield.scene.own.own_effect import OwnEffect, OwnParameter, Stage
 
 FAMILY = "local unknown"
 #: What shades what passes through it, told where that is read at the farthest distance.
-PLUME = "plume"
-#: Widths from that of a rope (2 cm) to a quarter of a scan; times as parts of it; periods from two readings
-#: to the whole range of angles. Chosen.
-_NARROWEST_M, _WIDEST_PART = 0.02, 0.25
-#: Largest and typical part of the light that is taken or added, and largest that swings. Chosen: nearly all
-#: of it; half of it between top and bottom.
-_SIZE, _TYPICAL, _SWING = 0.9, 0.05, 0.4
+PLUME, CLOUD = "plume", "passing_cloud"
+#: Half widths from that of a rod of 1 cm to a quarter of a scan; times as parts of it; periods from two
+#: readings to the whole range of angles. Chosen: between ranges from 2 cm on, depths of 0.9 at most, and the
+#: shadow of a bar of 2.4 cm scattering stood in for the rest of it, for sure.
+_NARROWEST_M, _WIDEST_PART = 0.005, 0.25
+#: Largest part of the light that is taken, largest that is added, and typical; largest that swings. Derived:
+#: all of it; chosen: half of it between top and bottom.
+_TAKEN, _ADDED, _TYPICAL, _SWING = 1.0, 0.9, 0.05, 0.4
 #: Beyond a plume light is dimmed within so many metres: less than two planes are apart. Chosen.
 _EDGE_M = 0.1
 #: What their amplitudes are called, 0 where there is nothing (test_shadows.py).
@@ -59,7 +61,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                 stage="path",
                 formula=f"1 - depth*exp(-(({axis} - {axis}0)/width)**2)",
                 parameters={
-                    "depth": _size(),
+                    "depth": _depth(),
                     f"{axis}0": _within("m", at, "its middle"),
                     "width": _between("m", _NARROWEST_M, _WIDEST_PART * span, "its half width at 1/e"),
                 },
@@ -75,7 +77,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             stage="source",
             formula="1 + size*(1 + tanh((time - time0)/duration))/2",
             parameters={
-                "size": _size(),
+                "size": _part(-_TAKEN, _ADDED),
                 "time0": _within("s", time, "when"),
                 "duration": _between("s", least, _WIDEST_PART * span, "how long it takes"),
             },
@@ -88,7 +90,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             stage="source",
             formula="1 - depth*exp(-((time - time0)/duration)**2)",
             parameters={
-                "depth": _size(),
+                "depth": _depth(),
                 "time0": _within("s", time, "its middle"),
                 "duration": _between("s", span / len(time), _WIDEST_PART * span, "its half width at 1/e"),
             },
@@ -103,6 +105,25 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             )  # fmt: skip
     if (planes := np.unique(np.round(readings.z_m, LINE_DECIMALS))).size > 2:
         near, far = float(planes[0]) - _BEFORE * _EDGE_M, float(planes[-2])
+        if np.isfinite(time).all() and (span := float(np.ptp(time))) > 0:
+            yield OwnEffect(
+                name=CLOUD,
+                family=FAMILY,
+                stage="receiver",
+                formula=f"1 - depth*exp(-((time - time0)/duration)**2)*(1 + tanh((z - z0)/{_EDGE_M:g}))/2",
+                parameters={
+                    "depth": _depth(),
+                    "time0": _within("s", time, "its middle"),
+                    "duration": _between("s", span / len(time), _WIDEST_PART * span, "its half width at 1/e"),
+                    "z0": OwnParameter(
+                        unit="m",
+                        range=(float(planes[0]), far),
+                        meaning="its distance: nearer is light as ever",
+                    ),
+                },
+                physics="For a while something in the water dims all light that is read beyond it.",
+                laboratory="Read those places again; look into the water between planes for what drifts.",
+            )
         x = np.asarray(readings.x_m, float)
         if (span := float(np.ptp(x))) > 2 * _NARROWEST_M / _WIDEST_PART:
             yield OwnEffect(
@@ -111,7 +132,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                 stage="path",
                 formula=f"1 - depth*exp(-((x*z0/z - x0)/width)**2)*(1 + tanh((z - z0)/{_EDGE_M:g}))/2",
                 parameters={
-                    "depth": _size(),
+                    "depth": _depth(),
                     "x0": _within("m", 0.5 * x, "its middle, where it rises"),
                     "z0": OwnParameter(
                         unit="m", range=(near, far), meaning="its distance, or before all readings"
@@ -139,7 +160,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
 #: Along what each of them is drawn.
 ALONG = {
     "dip_in_x": "x", "dip_in_y": "y", PLUME: "x", "step_in_time": "time",
-    "dip_in_time": "time", "ripple_over_angle": "angle",
+    "dip_in_time": "time", CLOUD: "time", "ripple_over_angle": "angle",
     "ripple_at_receiver": "angle", "ripple_in_time": "time",
 }  # fmt: skip
 
@@ -166,8 +187,8 @@ def _ripple(
         stage=stage,
         formula=f"1 + a*cos(2*pi*{along}/period) + b*sin(2*pi*{along}/period)",
         parameters={
-            "a": _size(_SWING),
-            "b": _size(_SWING),
+            "a": _part(-_SWING, _SWING),
+            "b": _part(-_SWING, _SWING),
             "period": _between(unit, *periods, "of the ripple"),
         },
         physics=physics,
@@ -175,8 +196,12 @@ def _ripple(
     )
 
 
-def _size(most: float = _SIZE) -> OwnParameter:
-    return OwnParameter(range=(-most, most), neutral=0.0, typical=_TYPICAL)
+def _part(least: float, most: float) -> OwnParameter:
+    return OwnParameter(range=(least, most), neutral=0.0, typical=_TYPICAL)
+
+
+def _depth() -> OwnParameter:
+    return _part(-_ADDED, _TAKEN)
 
 
 def _within(unit: str, at: Array, meaning: str) -> OwnParameter:

@@ -126,8 +126,8 @@ def test_local_unknowns_are_found_where_they_are(hidden, name: str, true: dict[s
 
 #: Of readings along x at several distances, with times.
 NAMES = [
-    "dip_in_x", "step_in_time", "dip_in_time", "ripple_in_time", "plume", "ripple_over_angle",
-    "ripple_at_receiver",
+    "dip_in_x", "step_in_time", "dip_in_time", "ripple_in_time", "passing_cloud", "plume",
+    "ripple_over_angle", "ripple_at_receiver",
 ]  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from lightfield.diagnosis.adequacy.subspace import by_others
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
 from lightfield.diagnosis.search.set_of_effects import ScoredSet
+from lightfield.diagnosis.search.told_apart import of_what_is_stated
 from lightfield.diagnosis.search.truncation import slope_errors
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.fitting.least_squares import Fit
@@ -67,9 +68,10 @@ def with_an_effect_more(
     slope = np.array([abs(p.slope(u)) for p, u in zip(fit.model.parameters, fit.u, strict=True)])[free]
     paths = [fit.paths[i] for i in free]
     square = np.array([own[path] ** 2 for path in paths])
-    widest = square.copy()
+    widest, moves = square.copy(), _all_that_moves(fit, free, adequacy)
     for score in _extras(explanation, fit, adequacy):
-        weight, shift, spread = _moved(fit, phi, free, score)
+        weight, shift, spread = _moved(fit, phi, moves, score)
+        shift, spread = shift[: len(free)], spread[: len(free)]
         other = square + slope**2 * (spread + shift**2)
         widest = np.fmax(widest, (square + weight * other) / (1 + weight))
     return {
@@ -100,15 +102,24 @@ def _ages(candidate: Candidate) -> bool:
     return all(acts_on(p.path) & (Acts.TIME | Acts.AGEING) for p in candidate.amplitudes)
 
 
-def _moved(fit: Fit, phi: float, free: NDArray[np.intp], score: Score) -> tuple[float, Array, Array]:
+def _all_that_moves(fit: Fit, free: NDArray[np.intp], adequacy: Adequacy) -> Array:
+    """Columns of what a fit has free, and of what the scene states, (n, p + k).
+
+    With an effect more that would be another one, too: it may be the size that was found without.
+    """
+    stated = [s.template.columns for s in of_what_is_stated(adequacy.scores) if s.testable]
+    return np.hstack([fit.jacobian[:, free], *stated])
+
+
+def _moved(fit: Fit, phi: float, moves: Array, score: Score) -> tuple[float, Array, Array]:
     """Weight of a set with an effect more; how far it moves the others, what it adds to their variances."""
-    jacobian, columns, candidate = fit.jacobian[:, free], score.template.columns, score.template.candidate
+    columns, candidate = score.template.columns, score.template.candidate
     # What of the others goes with its amplitudes, and what is left of their columns beside the others.
-    along = by_others(jacobian, columns)
-    left = columns - jacobian @ along
+    along = by_others(moves, columns)
+    left = columns - moves @ along
     absorbed = np.linalg.norm(left) < _ABSORBED * np.linalg.norm(columns)
     if absorbed and candidate.effect.direct_only:
-        return 0.0, np.zeros(len(free)), np.zeros(len(free))
+        return 0.0, np.zeros(len(along)), np.zeros(len(along))
     information, towards = left.T @ left / phi, left.T @ fit.residual / phi
     typical = ((1.0 if absorbed else _SPREAD) * np.array(candidate.typical)) ** 2
     covariance = np.linalg.inv(np.diag(1 / typical) + information)

@@ -28,7 +28,7 @@ from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
 from lightfield.diagnosis.verdict.rest.located import located
 from lightfield.diagnosis.verdict.trust import error_scale
-from lightfield.fitting.effects.local import ALONG, AMPLITUDES, PLUME
+from lightfield.fitting.effects.local import ALONG, AMPLITUDES, CLOUD, PLUME
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.readings import Readings
 from lightfield.scene.lamp.frame import angle_from_axis
@@ -192,9 +192,11 @@ def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Ar
     shown = np.asarray(bright(problem), bool) & (without > 0)
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
     along = {"x": x, "y": y, "time": t, "angle": np.degrees(angle_from_axis(x, y, z))}[ALONG[name]]
-    if name == PLUME:  # it shades what passes through it: drawn at the farthest plane
+    if name in (PLUME, CLOUD):  # they shade what passes through them
+        shown = shown & (z > values[f"effect.{name}.z0"])
+    if name == PLUME:  # drawn at the farthest plane
         along = x * z.max() / z
-        shown = shown & (z > values["effect.plume.z0"]) & (along >= x.min()) & (along <= x.max())
+        shown = shown & (along >= x.min()) & (along <= x.max())
     return along[shown], problem.value[shown] / without[shown]
 
 

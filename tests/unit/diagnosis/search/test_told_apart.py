@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import special, stats
 from toy_problem import Toy, candidate, layout, toy, tried, waves
 
 from lightfield.diagnosis.adequacy.score_tests import ALPHA
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search import told_apart
 from lightfield.diagnosis.search.set_of_effects import ScoredSet, bic, weights
-from lightfield.diagnosis.search.told_apart import detection_limits, isolability, nearest_rival, separation
+from lightfield.diagnosis.search.told_apart import (
+    Limit,
+    detection_limits,
+    isolability,
+    nearest_rival,
+    separation,
+)
 
 
 def apart(made: Toy, truth: np.ndarray, *rival: str) -> float:
@@ -125,6 +134,24 @@ def test_a_limit_beyond_what_is_plausible_is_not_reachable() -> None:
     adequacy = made.test(problem, np.random.default_rng(1).standard_normal((lay.size, 99)))(made.fit(problem))
     for limit in detection_limits(adequacy, 1.0).values():
         assert (limit.reachable, limit.value) == (False, pytest.approx(2e-3))
+
+
+def test_a_limit_knows_that_what_the_scene_states_may_have_another_size() -> None:
+    """Beside it free, by regression: its value may have been found where the effect was left out."""
+    lay = layout()
+    made = toy(near=waves(lay)["odd"] + 0.3 * waves(lay)["rows"])
+    problem = made.drawn(np.random.default_rng(0))
+    stated = [replace(c, neutral=(-1.0,)) if c.name == "near" else c for c in problem.candidates]
+    noise = np.random.default_rng(1).standard_normal((lay.size, 99))
+
+    def limits(problem: Problem) -> dict[str, Limit]:
+        return detection_limits(made.test(problem, noise)(made.fit(problem)), 1.0)
+
+    before, now = limits(problem), limits(replace(problem, candidates=tuple(stated)))
+    alone, both = (made.regression(problem, "odd", *more)[1][2, 2] for more in ((), ("near",)))
+    assert now["odd"].value / before["odd"].value == pytest.approx(np.sqrt(both / alone))
+    assert np.sqrt(both / alone) > 3
+    assert now["near"] == before["near"]
 
 
 def test_the_size_that_is_called_detectable_has_its_textbook_value() -> None:

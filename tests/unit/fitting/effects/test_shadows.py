@@ -71,8 +71,7 @@ def bubbles(x_m: float, z_m: float, width_m: float) -> Shade:
 def test_a_shadow_is_a_local_unknown(shade: Shade, name: str, where: dict[str, float]) -> None:
     """It takes three quarters of the misfit at least, and stands where the thing does.
 
-    Not all: a local unknown is 90 % deep at most, a rod's shadow is black, and its edges are no Gaussian's
-    (82 and 87 % of rods that are wide beside the steps of the scan, above 90 % of the others).
+    Not all: the edges of a rod's shadow are no Gaussian's.
     """
     table, believed = readings(factor=shade, seed=1, layout="fine")
     base, fit = fitted_alone(table, believed, name)

@@ -18,41 +18,54 @@ from lightfield.studies.compare.readings import fit_readings
 TYPICAL = 3.0
 
 
-def toy(lean: float, seed: int) -> tuple[Toy, ScoredSet]:
-    """Readings of the base model and some of an effect that is like its slope; a fit without that effect."""
+def toy(lean: float, seed: int, stated: bool = False) -> tuple[Toy, ScoredSet]:
+    """Readings of the base model and some of an effect that is like its slope; a fit without that effect.
+
+    `stated`: of a scene that has an effect much like it, of the size that was found without it.
+    """
     lay = layout()
     bell = np.exp(-2 * lay.x_m**2)
     like_slope = bell * (lay.z_m - lay.z_m.mean()) / (0.01 * bell + 0.001) / 20
     found = {"odd": waves(lay)["odd"], "lean": like_slope + np.cos(5 * lay.x_m + lay.z_m)}
+    if stated:
+        found["had"] = found["lean"] + waves(lay)["rows"]
     made = Toy.of([candidate(name) for name in found], found)
     rng = np.random.default_rng(seed)
-    readings = made.base + made.problem.forward.predict({"toy.lean": lean}) + made.sigma * rng.normal(size=60)
+    truth = {"toy.lean": lean}
+    if stated:
+        effect = made.with_value(made.problem.forward.predict(truth))
+        truth["toy.had"] = -made.regression(effect, "had")[0][2]
+    readings = made.base + made.problem.forward.predict(truth) + made.sigma * rng.normal(size=60)
     typical = tuple(replace(c, typical=(TYPICAL,)) for c in made.problem.candidates)
+    typical = tuple(replace(c, neutral=(-1.0,)) if c.name == "had" else c for c in typical)
     problem = replace(made.with_value(readings), candidates=typical)
     test = made.test(problem, rng.standard_normal((60, 99)))
     fit = problem.fit((), test.whiten, [problem.model(()).start])
     return made, ScoredSet((), fit, 0.0, replace(test(fit), phi=1.0), test)
 
 
-def on_a_grid(made: Toy, tried: ScoredSet, name: str) -> float:
-    """Root of the mean square of slope - stated slope, by sums over level, slope and size of the effect."""
+def on_a_grid(made: Toy, tried: ScoredSet, name: str, *stated: str) -> float:
+    """Root of the mean square of slope - stated slope, by sums over level, slope and size of the effect; with
+    it what the scene states is free."""
     problem, fit = tried.test.problem, tried.fit
     columns = {path: column / made.sigma for path, column in problem.forward.columns.items()}
-    base = np.stack([columns[path] for path in fit.paths], axis=1)
+    own = np.stack([columns[path] for path in fit.paths], axis=1)
+    base = np.hstack([own, *(columns[f"toy.{other}"][:, None] for other in stated)])
     effect, value = columns[f"toy.{name}"], problem.value / made.sigma
     at = fit.paths.index("slope")
-    square = np.linalg.inv(base.T @ base)
+    alone, square = float(np.linalg.inv(own.T @ own)[at, at]), np.linalg.inv(base.T @ base)
+    moves = square @ base.T @ effect
 
     def of_size(size: float) -> tuple[float, float]:
         """Chi-square, and the mean square of the slope about the stated one, with a given size."""
         u = square @ base.T @ (value - size * effect)
         left = value - size * effect - base @ u
-        return float(left @ left), float(square[at, at] + (u[at] - fit.values["slope"]) ** 2)
+        return float(left @ left), alone + (size * moves[at]) ** 2
 
     spread = averaged._SPREAD * TYPICAL
     sizes = np.linspace(-8 * spread, 8 * spread, 8001)
     chi2, squares = np.array([of_size(s) for s in sizes]).T
-    without, alone = of_size(0.0)
+    without, _ = of_size(0.0)
     density = np.exp(-0.5 * (sizes / spread) ** 2 - 0.5 * (chi2 - without)) / np.sqrt(2 * np.pi) / spread
     step = sizes[1] - sizes[0]
     weight, moment = averaged._ODDS * density.sum() * step, averaged._ODDS * (density * squares).sum() * step
@@ -65,6 +78,17 @@ def test_an_effect_more_widens_errors_as_its_posterior_says(lean: float) -> None
     wide = averaged.with_an_effect_more((), tried.fit, tried.adequacy, 1.0)
     expected = max(on_a_grid(made, tried, name) for name in ("odd", "lean"))
     assert wide["slope"] == pytest.approx(max(expected, tried.fit.stderr()["slope"]), rel=0.02)
+
+
+@pytest.mark.parametrize("lean", [1.0, 2.0])
+def test_what_the_scene_states_would_be_another_one_with_an_effect_more(lean: float) -> None:
+    """It may have been found without that effect: held, it would make the rest far too sure."""
+    made, tried = toy(lean, 3, stated=True)
+    wide = averaged.with_an_effect_more((), tried.fit, tried.adequacy, 1.0)
+    expected = max(on_a_grid(made, tried, name, "had") for name in ("odd", "lean"))
+    assert wide["slope"] == pytest.approx(max(expected, tried.fit.stderr()["slope"]), rel=0.02)
+    assert expected > 1.5 * max(on_a_grid(made, tried, name) for name in ("odd", "lean"))
+    assert abs(tried.fit.values["slope"] - 0.1) < 1.5 * expected
 
 
 def test_in_any_unit_of_the_level() -> None:
