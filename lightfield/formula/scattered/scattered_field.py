@@ -79,7 +79,7 @@ _SPREADS, _PATH_BYTES, _FEWEST_PATHS = 40, 80e6, 3
 _AT_ONCE = 16
 #: What beams send along these, which is remembered likewise: of one whose width has a colour a dozen are
 #: asked for by turns, one for each band. Chosen: memory alone.
-_BEAM_BYTES, _FEWEST_BEAMS = 40e6, 12
+_BEAM_BYTES, _FEWEST_BEAMS = 60e6, 3
 #: Beams whose half widths differ by less than this factor share their nodes, which follow the beam.
 _WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
@@ -284,7 +284,7 @@ class ScatteredField:
 
 
 def _size(parts: Sequence[tuple[slice, TabledPaths | LitPaths]]) -> int:
-    """Bytes that paths, or what is sent along them, take by themselves."""
+    """Bytes that paths, or what is sent along them, take."""
     return sum(paths.nbytes for _, paths in parts)
 
 

@@ -167,8 +167,8 @@ class LitPaths(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        """Memory that they take beside the paths alone."""
-        return int(self.sent.nbytes)
+        """Memory that they take."""
+        return int(self.sent.nbytes) + int(self.water_m.nbytes)
 
     def light(self, a: ArrayLike, b: ArrayLike, share: Array | None = None) -> Array:
         """Irradiance for unit intensity on the axis, m^-2, shape (n,) or (n_waters, n), in water of these.
