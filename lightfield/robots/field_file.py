@@ -24,7 +24,7 @@ from lightfield.maps.dataset import CONVENTIONS, PLACE
 from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm, over_band
+from lightfield.scene.bands import middles_nm, over_band, refuse_unlit
 from lightfield.scene.lamp.section import section_widths
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -109,7 +109,10 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
     ------
     UsageError, RenderError
         An impossible grid, or one that is not all in the water.
+    SceneError
+        No light in any band.
     """
+    refuse_unlit(scene)
     across, along = asked.axes()
     _refuse_walls(scene, across, along, _BEYOND * asked.step_m if photons else 0.0)
     z, y, x = np.meshgrid(along, across, across, indexing="ij")
