@@ -72,6 +72,7 @@ class Asked:
                 found=f"{self.half_width_m:g} m to each side, {self.near_m:g} to {self.far_m:g} m, steps of "
                 f"{self.step_m:g} m",
                 rule="distances rising and above 0, a step above 0 and no larger than the half width",
+                remedy="the nearer distance first, and a step that fits",
             )
         sides = self.half_width_m / self.step_m
         length = (self.far_m - self.near_m) / (4 * self.step_m)
