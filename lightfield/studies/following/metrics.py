@@ -174,6 +174,13 @@ def _lost(track: Track, mission: Mission) -> Mask:
     return np.asarray(behind | away | blind)
 
 
+def on_their_way(track: Track) -> Mask:
+    """Which runs end while they come nearer to a dock that they have not reached, shape (runs,)."""
+    _, end = _late_and_end(track)
+    nearer = track.goal_m[-1] < track.goal_m[end][0]
+    return np.asarray(np.isnan(track.contact[:, 0]) & nearer & track.lit[-1])
+
+
 def _late_and_end(track: Track) -> tuple[Mask, Mask]:
     time = track.time_s
     return time >= _SETTLED * time[-1], time >= time[-1] - _END_S

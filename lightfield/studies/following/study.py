@@ -22,7 +22,14 @@ from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
 from lightfield.studies.following.leader import beyond_walls, check_way
 from lightfield.studies.following.loop import Track, run_loop
-from lightfield.studies.following.metrics import COUNTED, METRICS, OverRuns, metrics_of, spreads_of
+from lightfield.studies.following.metrics import (
+    COUNTED,
+    METRICS,
+    OverRuns,
+    metrics_of,
+    on_their_way,
+    spreads_of,
+)
 from lightfield.studies.following.truth_and_belief import densest_per_m, light_of_mission
 from lightfield.studies.one_number import refuse_several
 from lightfield.wording import plain
@@ -120,11 +127,20 @@ class Followed:
         if mission.task == "dock":
             docked = int(self.runs["docked"].sum())
             reached = found["contact_time"].runs
+            still = int(on_their_way(self.track).sum())
+            over = f"on their way when their {mission.duration_s:g} s were over"
             if docked:
-                return f"{believes} docks in {docked} of {count} runs"
+                return f"{believes} docks in {docked} of {count} runs" + f"; {still} were {over}" * (
+                    still > 0
+                )
             if reached:
                 return f"{believes} misses the dock"
             ends = float(np.linalg.norm(self.track.pose[-1, :, :3], axis=-1).mean())
+            if still:
+                return (
+                    f"{believes} has not come to the dock yet: {still} of {count} runs were {over}, "
+                    f"{ends:.1f} m from the lamp"
+                )
             return (
                 f"{believes} never comes to the dock: after {mission.duration_s:g} s it is {ends:.1f} m "
                 "from the lamp"
