@@ -81,6 +81,13 @@ class OverRuns:
     error: float
     runs: int
 
+    def __str__(self) -> str:
+        """Mean ± scatter, to two digits of the scatter."""
+        if not np.isfinite(self.scatter):
+            return f"{self.mean:.3g}"
+        digits = int(np.clip(2 - np.floor(np.log10(self.scatter)) - 1, 0, 4)) if self.scatter > 0 else 2
+        return f"{self.mean:.{digits}f} ± {self.scatter:.{digits}f}"
+
     @classmethod
     def of(cls, values: Array) -> OverRuns:
         known = values[np.isfinite(values)]

@@ -32,7 +32,7 @@ from lightfield.studies.following.metrics import (
 )
 from lightfield.studies.following.truth_and_belief import densest_per_m, light_of_mission
 from lightfield.studies.one_number import refuse_several
-from lightfield.wording import plain
+from lightfield.wording import capital, plain
 
 #: In words, what a follower believes.
 BELIEFS = {
@@ -151,7 +151,7 @@ class Followed:
             return f"{believes} loses its way in each of {count} runs"
         z = self.kept
         off = z.mean - mission.standoff_m
-        stands = f"{believes} stands at {_pm(z)} m where {mission.standoff_m:g} m was asked"
+        stands = f"{believes} stands at {z} m where {mission.standoff_m:g} m was asked"
         if self.astray:
             return f"{stands}, and {', and '.join(self.astray)}"
         if abs(off) <= _ALLOWED_M:
@@ -163,6 +163,11 @@ class Followed:
         """The distance that it keeps, m: at the end, where water or light changes on the way."""
         changes = self.mission.turbid_factor != 1 or self.mission.dark_for_s > 0
         return self.spreads["standoff_at_end" if changes else "standoff"]
+
+    def stands(self, about: list[str]) -> str:
+        """Where it stands, with what is said about it in brackets."""
+        beside = ", ".join([*about, *self.astray])
+        return ("no distance" if self.lost.all() else f"{self.kept} m") + f" ({beside})" * bool(beside)
 
     @property
     def astray(self) -> list[str]:
@@ -227,7 +232,7 @@ class Followed:
             elif not one.runs:
                 text = "in no run" if self.lost.all() else "never"
             else:
-                text = f"{_pm(one)} {unit}"
+                text = f"{one} {unit}"
                 if np.isfinite(one.error):
                     text += f" (mean ± {one.error:.2g})"
             lines.append(f"  {plain(name):<18} {text:<32} {meaning}")
@@ -283,15 +288,16 @@ class Following:
         asked = {one.mission.standoff_m for one in self.cases}
         docks = any(one.mission.task == "dock" for one in self.cases)
         if len(self.cases) == 1 or docks or len(asked) > 1:
-            return ". ".join(one.verdict for one in self.cases)
-        parts = []
+            told, before = [], ""
+            for one in self.cases:
+                again = one.name == before  # a scene is named once
+                told.append(capital(one.verdict.removeprefix(f"{before}: ")) if again else one.verdict)
+                before = one.name
+            return ". ".join(told)
+        parts, several = [], len({one.name for one in self.cases}) > 1
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
             alike = [one for one in self.cases if one.mission.believes == believes]
-            stands = ", ".join(
-                f"{'no distance' if one.lost.all() else f'{_pm(one.kept)} m'} "
-                f"({', '.join([one.name, *one.astray])})"
-                for one in alike
-            )
+            stands = ", ".join(one.stands([one.name] * several) for one in alike)
             parts.append(f"who believes {alike[0].believed} stands at {stands}")
         return f"Asked for {asked.pop():g} m: " + "; ".join(parts)
 
@@ -387,13 +393,6 @@ def with_belief(scene: Scene, believes: str) -> Scene:
             otherwise="; or set turbid_factor = 1",
         )  # fmt: skip
     return scene
-
-
-def _pm(one: OverRuns) -> str:
-    if not np.isfinite(one.scatter):
-        return f"{one.mean:.3g}"
-    digits = int(np.clip(2 - np.floor(np.log10(one.scatter)) - 1, 0, 4)) if one.scatter > 0 else 2
-    return f"{one.mean:.{digits}f} ± {one.scatter:.{digits}f}"
 
 
 def _listed(values: Array) -> list[list[float | None]]:

@@ -147,6 +147,8 @@ def test_followers_that_were_asked_for_different_things_are_told_each_by_itself(
         assert found.verdict.count(words) == 1
     first_two = Following(found.cases[:2])
     assert "where 5 m was asked" in first_two.verdict and "Asked for" not in first_two.verdict
+    home = found.cases[2]
+    assert Following([home, home]).verdict.count("home: a follower") == 1
     assert Following([found.cases[0]] * 2).verdict.startswith("Asked for 6.5 m:")
     page = following_page(found)
     assert "far, near: bluerov2-heavy" in page and "law pid" in page and "home: bluerov2-heavy" in page
