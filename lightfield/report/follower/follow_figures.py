@@ -43,7 +43,7 @@ _WIDEST_DEG = 80.0
 _EVENTS = ("dark_from_s", "dark_for_s", "turbid_factor", "turbid_from_s", "turbid_for_s", "current_from_s")
 #: Colours of what is believed: the traced field in that of renders, the formula in its own.
 _COLOURS = {
-    "field": RENDER, "exact": FORMULA, "fitted": SERIES[2], "clear": SERIES[3], "relative": SERIES[4],
+    "field": RENDER, "exact": FORMULA, "fitted": SERIES[5], "clear": SERIES[3], "relative": SERIES[4],
 }  # fmt: skip
 
 
