@@ -70,6 +70,7 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
         bars.set_ylim(low, max(high, 2.0) * (30 if narrow else 6))
         words = [f"{WORDS[n]}\n({SHOWN[n][0]})" for n in names]
         bars.set_xticks(range(len(names)), words, fontsize=8 if narrow else None)
+        bars.set_xlim(-0.5, len(names) - 0.5)  # where bars are unknown, too
         bars.grid(False, axis="x")
         bars.legend(loc="upper left", ncols=1 if narrow else 2, fontsize=8 if narrow else 8.5)
         label(bars, "", "smallest error / what docking allows", "What one reading can tell at best")
