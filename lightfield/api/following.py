@@ -12,7 +12,7 @@ from lightfield.api.given import AnyPath, by_name, checked, names_in, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import ToldByDetails
 from lightfield.arrays import finite
-from lightfield.errors import UsageError
+from lightfield.errors import UsageError, did_you_mean
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.studies.defaults import RUNS
@@ -110,8 +110,10 @@ def follow(
     believe = names_in(believe)
     unknown = [word for word in believe if word not in study.BELIEFS]
     if unknown:
-        rule = ", ".join(study.BELIEFS)
-        raise UsageError("no such belief", where="believe", found=unknown[0], rule=rule)
+        raise UsageError(
+            "no such belief", where="believe", found=unknown[0], rule=", ".join(study.BELIEFS),
+            remedy=did_you_mean(unknown[0], study.BELIEFS) or "one or more of these",
+        )  # fmt: skip
     every = [study.with_belief(scene_of(one), "") for one in (scene, *with_)]
     if duration is not None:
         every = [one.with_values({"follower.mission.duration_s": duration}) for one in every]

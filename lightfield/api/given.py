@@ -51,6 +51,8 @@ RANGES: Mapping[str, tuple[str, Callable[[float], bool]]] = {
     "spacing": ("0 to 10 m", lambda value: 0 <= value <= 10),
     # More runs side by side tell no more, and take minutes.
     "runs": ("1 to 200", lambda value: 1 <= value <= 200),
+    # As follower.mission.duration_s.
+    "duration": ("above 0 to 3600 s", lambda value: 0 < value <= 3600),
 }
 
 

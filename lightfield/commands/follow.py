@@ -11,7 +11,7 @@ from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_answer, add_option
 from lightfield.commands.shared.progress import progress_of
 from lightfield.commands.shared.ranges import check_ranges
-from lightfield.errors import UsageError
+from lightfield.errors import UsageError, did_you_mean
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Follower, Scene
 from lightfield.storage.files import output_folder, write_text
@@ -54,6 +54,7 @@ def run(args: argparse.Namespace) -> int:
     from lightfield.api.following import Following
     from lightfield.studies.following.study import BELIEFS, follow, with_belief
 
+    check_ranges(args, "runs", "duration")
     paths = [args.scene, *args.others]
     every = [with_belief(Scene.load(path), "") for path in paths]
     if args.duration is not None:
@@ -61,13 +62,15 @@ def run(args: argparse.Namespace) -> int:
     scenes = by_name((str(path), one.name or path.stem, one) for path, one in zip(paths, every, strict=True))
     read = [table for one in every for table in one.tables]
     outputs_of(args, *paths, *read, also=args.track)
-    check_ranges(args, "runs")
     if args.vary or args.output:
         return _sweep(scenes[next(iter(scenes))], args)
     beliefs = names_in(args.believe or "")
     unknown = [word for word in beliefs if word not in BELIEFS]
     if unknown:
-        raise UsageError("no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS))
+        raise UsageError(
+            "no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS),
+            remedy=did_you_mean(unknown[0], BELIEFS) or "one or more of these, with commas between them",
+        )  # fmt: skip
     with progress_of("follow"):
         found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
     if args.track:

@@ -14,6 +14,7 @@ from lightfield.render.at_readings import render_positions
 from lightfield.render.limits import MOST_WAVELENGTHS, check_wavelengths
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
+from lightfield.scene.bands import refuse_unlit_wavelengths
 from lightfield.storage.files import locked_folder
 
 
@@ -35,6 +36,8 @@ def run(args: argparse.Namespace) -> int:
     """Trace, write, list what was written."""
     wavelengths = None if args.wavelengths is None else wavelengths_of(args.wavelengths)
     scene = Scene.load(args.scene)
+    if wavelengths is not None:
+        refuse_unlit_wavelengths(scene, wavelengths, "--wavelengths")
     with locked_folder(args.output) as folder:
         return _render(scene, wavelengths, folder, args)
 

@@ -10,6 +10,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bar
 
@@ -25,7 +26,7 @@ from lightfield.storage.files import output_folder
 from lightfield.sweep import estimate
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, FORMS, parse_axis, read_plan
 from lightfield.sweep.cases import warn_of_idle
-from lightfield.sweep.results import verify
+from lightfield.sweep.results import axes_of, case_label, case_values, open_store, verify
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
 from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 from lightfield.sweep.zarrfile import size_on_disk
@@ -57,6 +58,9 @@ A scheduler runs the code of anyone who reaches it: keep it behind a firewall, o
 With dask-jobqueue (SLURMCluster, PBSCluster, ...: cores=1, processes=1) or dask-kubernetes give
 cluster.scheduler_address. All machines need the same version of lightfield.
 """
+
+#: What a store calls the status of a case that failed.
+_FAILED = 2
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -161,7 +165,7 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
     )
     lines = [f"{path}: {cases} from {traces}, {byte_size(size_on_disk(path))}"]
     if done.failed:
-        lines.append(f"{done.failed} case{'s' * (done.failed != 1)} failed: `message` in the store says why")
+        lines.append(f"{done.failed} case{'s' * (done.failed != 1)} failed{_first_failure(path)}")
     if done.again:
         lines.append(f"{done.again} of them may do with more memory: the same sweep continues")
     if done.repaired:
@@ -188,6 +192,19 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
             f"memory: {len(done.workers)} {many}, at most {byte_size(max(done.workers.values()))} each"
         )
     return "\n".join(lines)
+
+
+def _first_failure(path: Path) -> str:
+    """Which case of a store failed first, and why."""
+    data = open_store(path)
+    axes = axes_of(data)
+    where = np.argwhere(data.status.transpose(*axes).values == _FAILED)
+    if not len(where):
+        return ""
+    steps = dict(zip(axes, map(int, where[0]), strict=True))
+    why = str(data.message.isel(steps).values)
+    rest = "; `message` in the store says why others did" if len(where) > 1 else ""
+    return f": {case_label(case_values(data, steps))}: {why}{rest}"
 
 
 @contextmanager

@@ -79,7 +79,10 @@ def check_values(readings: Unchecked, problems: Problems | None = None) -> None:
         f"{_EARLIEST_S:g} to {_LATEST_S:g} s",
         "count seconds from when the lamp was switched on, not milliseconds, not from 1970",
     )
-    refuse(readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window")
+    refuse(
+        readings.z_m <= 0, "z_m", "is an impossible position", "z_m > 0: in front of the lamp's window",
+        "count distances from the window along the beam",
+    )  # fmt: skip
     refuse(
         readings.stderr <= 0, "stderr", "is not positive", "stderr > 0", "leave it blank when it is not known"
     )

@@ -71,13 +71,16 @@ def read_sheet(
                 problems.add(f"not a CSV row: {error}", place=k, found=line)
                 continue
             if len(cells) != len(names):
-                comma = delimiter == "," and len(cells) > len(names)
+                more = len(cells) > len(names)
+                comma = more and delimiter == "," and "." not in line
                 problems.add(
                     f"the row has {len(cells)} cells",
                     place=k,
                     rule=f"{len(names)} cells, like the column names",
                     remedy="with decimal commas, separate the cells by semicolons"
                     if comma
+                    else "name every column, or take out what is too many"
+                    if more
                     else "complete the row",
                 )
                 continue

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -83,13 +82,17 @@ def mitsuba_dict(scene: Scene) -> dict[str, Any]:
 def left_out(scene: Scene) -> list[str]:
     """What a scene says and its XML does not hold, for people."""
     (low, high), *others = scene.detector.bands_nm
-    told = [f"it holds {low:g}-{high:g} nm, as at {_first_band(scene)[0][0]:.4g} nm, and no other band"]
+    band = f"it holds {low:g}-{high:g} nm, as at {_first_band(scene)[0][0]:.4g} nm, and no other band"
+    told = [band] * bool(others)
+    if scene.detector.positions_m is not None:
+        told += ["it holds the planes of the positions that the detector lists, not the positions"]
     beside = [
         ("absorption that changes within the water", is_layered(scene.water)),
         ("effects of your own on the path", bool(on_path(scene))),
         ("the step from water to glass in panes, and walls behind them", scene.pane_reflectance > 0),
+        ("the follower and its array", scene.array is not None or scene.follower is not None),
     ]
-    return told * bool(others) + [f"without {what}" for what, there in beside if there]
+    return told + [f"without {what}" for what, there in beside if there]
 
 
 def _first_band(scene: Scene) -> BandLight:
@@ -98,7 +101,7 @@ def _first_band(scene: Scene) -> BandLight:
 
 
 def write_xml(scene: Scene, path: str | os.PathLike[str]) -> Path:
-    """Write the scene as Mitsuba XML; load it after `lightfield.render.backend.use_backend()`."""
+    """Write the scene as Mitsuba XML, what it leaves out in a comment; load it after `use_backend()`."""
     described = mitsuba_dict(scene)
     import mitsuba as mi
 
@@ -113,5 +116,6 @@ def write_xml(scene: Scene, path: str | os.PathLike[str]) -> Path:
                 node.type = getattr(mi.ObjectType, kind)
         inside = Path(folder) / "scene.xml"
         mi.parser.write_file(state, str(inside))
-        shutil.copyfile(inside, temporary)
+        comments = "".join(f"<!-- {line} -->\n" for line in left_out(scene))
+        temporary.write_text(comments + inside.read_text(encoding="utf-8"), encoding="utf-8")
     return target

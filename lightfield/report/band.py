@@ -16,15 +16,22 @@ from lightfield.report.style import (
     panels,
     percent_axis,
 )
-from lightfield.studies.band.study import FLAT, PAPER_BAND, WRONG, Bands
-from lightfield.studies.band.text import headline, rows, untold_sentences, water_sentence
+from lightfield.studies.band.study import FLAT, WRONG, Bands
+from lightfield.studies.band.text import (
+    headline,
+    of_the_scene,
+    origin,
+    rows,
+    untold_sentences,
+    water_sentence,
+)
 
 
 def band_figure(found: Bands, narrow: bool = False) -> Figure:
     """Left: what is left of the lamp's light and K. Right: what a band of that width is worth, far away."""
     at, z = found.spectrum.wavelength_nm.values, found.spectrum.z_m.values
     with panels(2, 4.6, narrow=narrow, each=3.8) as (fig, (left, right)):
-        left.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
+        left.axvspan(*found.scene_band_nm, color=MUTED, alpha=0.15, linewidth=0)
         for k, far in enumerate(z):
             left.plot(
                 at,
@@ -40,7 +47,7 @@ def band_figure(found: Bands, narrow: bool = False) -> Figure:
         label(left, "wavelength (nm)", "of the largest", "What the detector sees of the lamp")
         row = found.bands.isel(z_m=-1)
         middle = 0.5 * (row.low_nm.values + row.high_nm.values)
-        right.axvspan(*PAPER_BAND, color=MUTED, alpha=0.15, linewidth=0)
+        right.axvspan(*found.scene_band_nm, color=MUTED, alpha=0.15, linewidth=0)
         K = row.attenuation.values
         for values, shade, words in (
             *([] if found.is_grey or not K.min() > 0 else [(K.min() / K, FORMULA, "least attenuation")]),
@@ -61,13 +68,17 @@ def band_figure(found: Bands, narrow: bool = False) -> Figure:
 
 def band_page(found: Bands) -> str:
     """The page."""
+    told = origin(found)
+    grey = told.replace("as in", "the band of")
     drawing = page_figure(
         "band",
-        "Grey: 500 to 550 nm, the band of the tow tank experiment. Dots: the best by each rule.",
+        f"Grey: {of_the_scene(found)}, {grey}. Dots: the best by each rule.",
         "Signal and attenuation over wavelength, and the worth of bands", band_figure, found,
     )  # fmt: skip
     low, high = found.flat_nm()
-    row = found.bands.isel(z_m=-1, low_nm=int(abs(found.bands.low_nm.values - PAPER_BAND[0]).argmin()))
+    row = found.bands.isel(
+        z_m=-1, low_nm=int(abs(found.bands.low_nm.values - found.scene_band_nm[0]).argmin())
+    )
     near = f"At {found.spectrum.z_m.values[0]:g} m attenuation"
     flat = f"{near} is within {100 * (FLAT - 1):.0f} % of its least from {low:g} to {high:g} nm."
     text = (
@@ -79,9 +90,8 @@ def band_page(found: Bands) -> str:
         f"{abs(float(row.range_error_m)):.2f} m off.",
     )
     table = Table(
-        "500 to 550 nm, as in the tow tank experiment, against the best band (for attenuation: the least "
-        "over its own).",
-        ("at", "rule", "best band", "500–550 nm has"), rows(found), (1,),
+        f"{of_the_scene(found)}, {told}, against the best band (for attenuation: the least over its own).",
+        ("at", "rule", "best band", "{:g}–{:g} nm has".format(*found.scene_band_nm)), rows(found), (1,),
     )  # fmt: skip
     title = f"{found.scene.name or 'Water'}: bands of {found.width_nm:g} nm"
     return study_page(

@@ -24,6 +24,7 @@ from lightfield.report.style import (
     figure,
     label,
     percent_axis,
+    plain_log_axis,
     say_why_empty,
 )
 from lightfield.studies.compare.rings import SIGMAS
@@ -31,6 +32,10 @@ from lightfield.sweep.results import axes_of
 from lightfield.wording import capital, plain
 
 _MOST_LINES, _MOST_TILES, _FEW_TILES = 6, 5, 2
+#: Where a scale of light begins, as a part of its end, at the lowest and at the highest (chosen).
+_DEEPEST, _SHALLOWEST = 1e-4, 0.5
+#: A scale of less than two decades has ticks between them.
+_FEW_TICKS = 100.0
 #: Letters of a note to an inch.
 _LETTERS = 14
 #: Of a number that no case has.
@@ -157,7 +162,7 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
         chosen = chosen.isel({plane: middle})
     row, column = chosen.dims[-2:]
     values = chosen.transpose(up, along, row, column).values
-    top = float(np.nanmax(values)) if np.isfinite(values).any() else 1.0
+    low, top = _scale_of(values)
     width = NARROW if narrow else min(WIDTH, 2.2 + 1.75 * len(columns))
     shape = _extent(held, column, row)
     tall = float(np.clip((shape[3] - shape[2]) / (shape[1] - shape[0]), 0.2, 1.6)) if shape else 1.0
@@ -165,8 +170,8 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
         axes = fig.subplots(len(lines), len(columns), squeeze=False, sharex=True, sharey=True)
         for (j, i), axis in np.ndenumerate(axes):
             shown = axis.imshow(
-                np.maximum(values[len(lines) - 1 - j, i], top * 1e-5), origin="lower", cmap="magma",
-                norm=LogNorm(top * 1e-4, top), extent=_extent(held, column, row),
+                np.maximum(values[len(lines) - 1 - j, i], 0.1 * low), origin="lower", cmap="magma",
+                norm=LogNorm(low, top), extent=_extent(held, column, row),
             )  # fmt: skip
             axis.grid(False)
             axis.tick_params(labelsize=7.5)
@@ -176,6 +181,8 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
                 axis.set_ylabel(_step_name(held, up, lines[len(lines) - 1 - j]), fontsize=9.5)
         where = "bottom" if narrow else "right"
         bar = fig.colorbar(shown, ax=axes, shrink=0.8, aspect=30, location=where)
+        if top < _FEW_TICKS * low:
+            plain_log_axis(bar.ax.xaxis if narrow else bar.ax.yaxis)
         unit = held[quantity].attrs["units"]
         bar.set_label(f"{plain(quantity)} ({SHORT_UNITS.get(unit, unit)})", fontsize=9)
         fig.supxlabel(f"columns: {_axis_name(held, along)}", fontsize=9.5)
@@ -186,6 +193,13 @@ def tiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
         cut += [*([] if up == plane else _cut(held, plane, [middle])), *_first_of(held)]
         _note(fig, [where, inside, *rest, *cut])
     return fig
+
+
+def _scale_of(values: np.ndarray) -> tuple[float, float]:
+    """Ends of a logarithmic scale: the least light, `_DEEPEST` of the most at least, and the most."""
+    lit = values[np.isfinite(values) & (values > 0)]
+    low, top = (float(lit.min()), float(lit.max())) if len(lit) else (0.5, 1.0)
+    return float(np.clip(low, _DEEPEST * top, _SHALLOWEST * top)), top
 
 
 # -- choosing what is drawn --------------------------------------------------------------------------

@@ -139,7 +139,7 @@ def range_page(found: WorkingRange) -> str:
         if found.traced
         else "By direct light alone."
     )
-    table = Table(told, ("up to", *columns(found)), rows(found))
+    table = Table(told, ("what holds", *columns(found)), rows(found))
     sections = [
         Section("How far", (light,), asked_sentences(found), (table,)),
         Section("What an array of receivers tells of its pose", (pose,), (array_sentence(found),)),

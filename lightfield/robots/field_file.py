@@ -24,7 +24,7 @@ from lightfield.maps.dataset import CONVENTIONS, PLACE
 from lightfield.render.flux.traced_field import Region, traced_field
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm, over_band
+from lightfield.scene.bands import middles_nm, over_band, refuse_unlit
 from lightfield.scene.lamp.section import section_widths
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
@@ -72,6 +72,7 @@ class Asked:
                 found=f"{self.half_width_m:g} m to each side, {self.near_m:g} to {self.far_m:g} m, steps of "
                 f"{self.step_m:g} m",
                 rule="distances rising and above 0, a step above 0 and no larger than the half width",
+                remedy="the nearer distance first, and a step that fits",
             )
         sides = self.half_width_m / self.step_m
         length = (self.far_m - self.near_m) / (4 * self.step_m)
@@ -109,7 +110,10 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
     ------
     UsageError, RenderError
         An impossible grid, or one that is not all in the water.
+    SceneError
+        No light in any band.
     """
+    refuse_unlit(scene)
     across, along = asked.axes()
     _refuse_walls(scene, across, along, _BEYOND * asked.step_m if photons else 0.0)
     z, y, x = np.meshgrid(along, across, across, indexing="ij")

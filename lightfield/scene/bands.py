@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lightfield.arrays import Array
-from lightfield.errors import SceneError
+from lightfield.errors import SceneError, UsageError
 from lightfield.scene.detector import Detector
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.spectrum import axial_intensity, knots_nm
@@ -31,6 +31,8 @@ _PIECES, _FINEST_NM = 5, 1.0
 _MOST_CHANGE = 0.3
 #: Part of a spectrum's peak that no instrument sees.
 _LEAST_LIT = 1e-12
+#: Wavelengths that an error lists.
+_TOLD = 4
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 
 
@@ -118,8 +120,7 @@ def refuse_unlit(scene: Scene) -> None:
     SceneError
         Less than `_LEAST_LIT` of the spectrum's peak in every band, and no stray light of the others.
     """
-    at = np.unique(np.concatenate([np.arange(FIRST_NM, LAST_NM + STEP_NM, STEP_NM), knots_nm(scene.lamp)]))
-    peak = float(axial_intensity(scene.lamp, at).max())
+    brightest, peak = _brightest(scene.lamp)
     if scene.detector.stray_light or over_bands(scene).intensity.max() > _LEAST_LIT * peak:
         return
     if not peak > 0:  # nan, of a table without power
@@ -127,12 +128,43 @@ def refuse_unlit(scene: Scene) -> None:
             "the lamp gives no light at all", where="lamp.spectrum_table", found="no power at any wavelength",
             rule="some above 0", remedy="correct the table",
         )  # fmt: skip
-    brightest = at[int(axial_intensity(scene.lamp, at).argmax())]
     raise SceneError(
         "the lamp gives no light in the bands that are seen", where="detector.bands_nm",
         found=", ".join(f"{low:g}-{high:g} nm" for low, high in scene.detector.bands_nm),
         rule=f"the lamp is brightest at {brightest:.0f} nm", remedy="correct the bands, or lamp.spectrum",
     )  # fmt: skip
+
+
+def refuse_unlit_wavelengths(scene: Scene, wavelengths_nm: Array, where: str) -> None:
+    """Refuse a lamp that gives no light at any of some wavelengths: to be called before anything is traced.
+
+    Parameters
+    ----------
+    wavelengths_nm : array, shape (n,), nm
+    where : str
+        Who asks for them.
+
+    Raises
+    ------
+    UsageError
+        Less than `_LEAST_LIT` of the spectrum's peak at every one.
+    """
+    brightest, peak = _brightest(scene.lamp)
+    if not axial_intensity(scene.lamp, wavelengths_nm).max() > _LEAST_LIT * peak:
+        raise UsageError(
+            "the lamp gives no light at these wavelengths", where=where,
+            found=", ".join(f"{one:g}" for one in wavelengths_nm[:_TOLD])
+            + ("" if len(wavelengths_nm) <= _TOLD else f" to {wavelengths_nm[-1]:g}") + " nm",
+            rule=f"the lamp is brightest at {brightest:.0f} nm",
+            remedy="wavelengths at which it shines, or correct lamp.spectrum",
+        )  # fmt: skip
+
+
+def _brightest(lamp: Lamp) -> tuple[float, float]:
+    """Wavelength, nm, at which a lamp is brightest, and its intensity there."""
+    at = np.unique(np.concatenate([np.arange(FIRST_NM, LAST_NM + STEP_NM, STEP_NM), knots_nm(lamp)]))
+    intensity = axial_intensity(lamp, at)
+    return float(at[int(intensity.argmax())]), float(intensity.max())
 
 
 def over_band(

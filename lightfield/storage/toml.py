@@ -19,6 +19,8 @@ _MOST_NESTED = 8  # brackets and braces within each other
 _MOST_NAMES = 16  # in a dotted key
 _LONGEST_WORD = 1000  # a bare key, or a number
 
+#: A number that is no part of a list, which a comma may follow.
+_DECIMAL_COMMA = re.compile(r"=\s*([+-]?\d+,\d+)")
 _WHOLE = re.compile(r"[+-]?(?:\d[\d_]*|0[xob][\da-fA-F_]+)", re.ASCII)
 # Strings, closed or not, and comments hold no structure; every alternative takes at least one character, and
 # none can be taken in two ways, so that the time is proportional to the length.
@@ -42,11 +44,18 @@ def loads(text: str) -> dict[str, Any]:
     _check_limits(text)
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+    except tomllib.TOMLDecodeError as error:
         if at := _columns_at(text):
             raise ValueError(
                 "these are columns of a table: were a scene and readings taken for each other? "
                 f"(at line {at})"
+            ) from None
+        # Parsers say the line in words alone; a field for it is of Python 3.14.
+        line = re.search(r"at line (\d+)", str(error))
+        if line and (comma := _DECIMAL_COMMA.search(text.split("\n")[int(line[1]) - 1])):
+            raise ValueError(
+                f"{comma[1]} has a decimal comma, where TOML has a point: {comma[1].replace(',', '.')} "
+                f"(at line {line[1]})"
             ) from None
         raise
 

@@ -276,12 +276,14 @@ def refuse_another_sweep(found: Mapping[str, Any], wanted: Mapping[str, Any], pa
     found, wanted = json.loads(json.dumps(found)), json.loads(json.dumps(wanted))
     if found == wanted:
         return
-    before, now = _flat(found), _flat(wanted)
+    before, now = _flat(_by_path(found)), _flat(_by_path(wanted))
+    silent = {"scene_digest", "contents", "blocks"} | (
+        {"order"} if found["axes"] != wanted["axes"] else set()
+    )
     changed = [
-        f"{key} {before.get(key, 'absent')} -> {now.get(key, 'absent')}"
+        f"{key}: there {before.get(key, 'not')}, asked for {now.get(key, 'not')}"
         for key in sorted(before.keys() | now.keys())
-        if before.get(key) != now.get(key)
-        and key.partition(".")[0] not in ("scene_digest", "contents", "blocks")
+        if before.get(key) != now.get(key) and key.partition(".")[0] not in silent
     ]
     text = "; ".join(change if len(change) < 100 else change[:97] + "..." for change in changed[:4])
     if len(changed) > 4:
@@ -292,6 +294,12 @@ def refuse_another_sweep(found: Mapping[str, Any], wanted: Mapping[str, Any], pa
         rule="one store, one scene, one plan, one version",
         remedy="choose another name, or remove the store",
     )
+
+
+def _by_path(plan: Mapping[str, Any]) -> dict[str, Any]:
+    """What a sweep is of, with the values of every path that is varied under the path itself."""
+    varied = {f"varied {path}": steps for paths in plan["axes"].values() for path, steps in paths.items()}
+    return {**varied, **{key: value for key, value in plan.items() if key != "axes"}}
 
 
 def _digest(scene: Scene) -> str:

@@ -29,7 +29,7 @@ from lightfield.render.settings import Settings
 from lightfield.scene import Scene
 from lightfield.scene.acts import TRACED, Acts
 from lightfield.scene.all_parameters import only
-from lightfield.scene.bands import over_bands, pieces
+from lightfield.scene.bands import over_bands, pieces, refuse_unlit
 from lightfield.scene.lamp.colour import REFERENCE_NM, in_colour
 from lightfield.scene.water.coefficients import coefficients_in, is_grey
 from lightfield.storage.tables import kept_by_tables
@@ -140,14 +140,8 @@ def do_trace(trace: Trace, scene: Scene, settings: SweepSettings, path: Path) ->
             _save(file, rendering.response, rendering.reached)
             stored = rendering.response, rendering.reached
         response, reached = stored
-        return TraceDone(
-            trace.number,
-            response.photons,
-            reached,
-            time.perf_counter() - started,
-            worker_name(),
-            peak_bytes(),
-        )
+        seconds = time.perf_counter() - started
+        return TraceDone(trace.number, response.photons, reached, seconds, worker_name(), peak_bytes())
 
 
 def topic_of(path: Path) -> str:
@@ -316,7 +310,9 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
     scenes = []
     for i in places:
         try:
-            scenes.append((i, lit(cases.build(int(block.cases[i])))))
+            scene = lit(cases.build(int(block.cases[i])))
+            refuse_unlit(scene)
+            scenes.append((i, scene))
         except (LightfieldError, ValueError, TypeError) as error:
             failed[int(block.cases[i])] = one_line(error)[:240]
     return scenes

@@ -259,7 +259,7 @@ WRONG: list[tuple[str, list[str]]] = [
     ("follow scene.toml --no-trace", ["no array", "add the table [array]"]),
     ("follow array.toml --no-trace --runs 0", ["--runs", "1 to 200"]),
     ("follow array.toml --no-trace --believe hope", ["--believe", "hope", "field, fitted"]),
-    ("follow array.toml --no-trace --duration -1", ["duration_s", "a number > 0"]),
+    ("follow array.toml --no-trace --duration -1", ["--duration", "above 0 to 3600 s"]),
     ("follow array.toml --no-trace --duration 3600 --runs 200", ["too many readings", "at most 300000"]),
     ("follow array.toml --no-trace --vary water.scattering_per_m=0,0.1", ["a store", "-o STORE.zarr"]),
     ("follow array.toml --no-trace -o runs.zarr", ["what varies", "--vary PATH=RANGE"]),

@@ -20,6 +20,7 @@ from lightfield.render.at_readings import render_positions
 from lightfield.render.limits import OF_MAPS, check_wavelengths
 from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
+from lightfield.scene.bands import refuse_unlit_wavelengths
 from lightfield.wording import plain
 
 if TYPE_CHECKING:
@@ -180,6 +181,7 @@ def render(
     known = scene_of(scene)
     if wavelengths is not None:
         check_wavelengths(np.asarray(wavelengths, float).tolist(), "wavelengths", wavelengths)
+        refuse_unlit_wavelengths(known, np.asarray(wavelengths, float), "wavelengths")
     single = known.detector.positions_m is not None
     made = (render_positions if single else render_scene)(
         known, rel_error=rel_error, max_photons=max_photons, seed=seed, cache=cache

@@ -12,6 +12,7 @@ from functools import partial
 from typing import Any, NoReturn
 
 from lightfield.commands.shared.options import add_option
+from lightfield.commands.shared.told import run_told
 from lightfield.errors import UsageError, did_you_mean
 from lightfield.version import __version__
 from lightfield.wording import capital
@@ -78,7 +79,7 @@ def prepared(argv: list[str]) -> Callable[[], int]:
         if getattr(args, option) is not None:
             # The environment, not a global: worker processes must follow.
             os.environ[variable] = str(getattr(args, option))
-    return partial(runs[args.command], args)
+    return partial(run_told, runs[args.command], args, _options_of(parser, {chosen}))
 
 
 def _with_negative_lists(argv: Sequence[str]) -> list[str]:

@@ -183,6 +183,8 @@ def _head_remedy(line: str) -> str:
     """What to do about a line of the head that is not TOML."""
     if bare := re.fullmatch(r"\s*(\w+)\s*=\s*([^\W\d][^\"'#]*?)\s*(#.*)?", line):
         return f'put text in quotes: # {bare[1]} = "{bare[2]}"'
+    if re.search(r"=\s*[+-]?\d+,\d", line):
+        return "write its numbers with a point, whatever the cells have"
     return "begin free comments with ##"
 
 

@@ -18,7 +18,6 @@ from lightfield.report.style import (
     INK,
     MUTED,
     NARROW,
-    PAPER,
     SERIES,
     WIDTH,
     figure,
@@ -65,16 +64,13 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
                     fontsize=8,
                     rotation=90,
                 )
-        bars.axhline(1, color=BAD, linestyle=DASH)
-        bars.annotate(
-            "what docking allows", (0, 1), (4, 3), xycoords=("axes fraction", "data"), color=BAD, fontsize=9,
-            textcoords="offset points", bbox={"facecolor": PAPER, "edgecolor": "none", "pad": 1},
-        )  # fmt: skip
+        bars.axhline(1, color=BAD, linestyle=DASH, label="what docking allows")
         bars.set_yscale("log")
         low, high = bars.get_ylim()
         bars.set_ylim(low, max(high, 2.0) * (30 if narrow else 6))
         words = [f"{WORDS[n]}\n({SHOWN[n][0]})" for n in names]
         bars.set_xticks(range(len(names)), words, fontsize=8 if narrow else None)
+        bars.set_xlim(-0.5, len(names) - 0.5)  # where bars are unknown, too
         bars.grid(False, axis="x")
         bars.legend(loc="upper left", ncols=1 if narrow else 2, fontsize=8 if narrow else 8.5)
         label(bars, "", "smallest error / what docking allows", "What one reading can tell at best")
@@ -156,15 +152,20 @@ def comparison_figure(arrays: Sequence[JudgedArray], narrow: bool = False) -> Fi
         axis = lower.subplots()
         if len(shown) < len(arrays):
             upper.suptitle(f"the best {len(shown)} of {len(arrays)} arrays", fontsize=9, color=MUTED)
-        values = [one.criterion for one in shown]
-        colours = [GOOD if k == 0 else SERIES[5] for k in range(len(shown))]
-        axis.scatter(values, range(len(shown)), color=colours, s=60)
+        # Of an array that leaves a coordinate unknown A is a number without a meaning: it has no point.
+        told = {k: one.criterion for k, one in enumerate(shown) if one.is_told}
+        colours = [GOOD if k == 0 else SERIES[5] for k in told]
+        axis.scatter(list(told.values()), list(told), color=colours, s=60)
         axis.set_yticks(range(len(shown)), [fill(one.name, _NARROW if narrow else _WIDE) for one in shown])
         for k, one in enumerate(shown):
-            told = f"{one.criterion:.3g}" if one.is_told else "some of the pose unknown"
-            axis.annotate(told, (one.criterion, k), (8, 0), textcoords="offset points", va="center")
+            at = (told[k], k) if k in told else (0, k)
+            axis.annotate(
+                f"{one.criterion:.3g}" if k in told else "some of the pose unknown", at, (8, 0), va="center",
+                xycoords="data" if k in told else ("axes fraction", "data"), textcoords="offset points",
+            )  # fmt: skip
         axis.set_xscale("log")
-        axis.set_xlim(0.5 * min(values), 4 * max(values))
+        if told:
+            axis.set_xlim(0.5 * min(told.values()), 4 * max(told.values()))
         axis.set_ylim(-0.6, len(shown) - 0.4)
         axis.invert_yaxis()
         axis.grid(False, axis="y")

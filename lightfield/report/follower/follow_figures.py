@@ -43,7 +43,7 @@ _WIDEST_DEG = 80.0
 _EVENTS = ("dark_from_s", "dark_for_s", "turbid_factor", "turbid_from_s", "turbid_for_s", "current_from_s")
 #: Colours of what is believed: the traced field in that of renders, the formula in its own.
 _COLOURS = {
-    "field": RENDER, "exact": FORMULA, "fitted": SERIES[2], "clear": SERIES[3], "relative": SERIES[4],
+    "field": RENDER, "exact": FORMULA, "fitted": SERIES[5], "clear": SERIES[3], "relative": SERIES[4],
 }  # fmt: skip
 
 
@@ -125,7 +125,7 @@ def _vehicle(axis: Axes, pose: np.ndarray, size: np.ndarray, colour: str, *, fil
 
 
 def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
-    """Distance and offset of all runs over time; thick: their mean."""
+    """Distance and offset of all runs over time; thick: the mean of those that kept their way."""
     with panels(2, 3.6, narrow=narrow, ratios=(1.5, 1)) as (fig, (far, aside)):
         for k, one in enumerate(cases[:MOST_ROWS]):
             track = one.track
@@ -139,10 +139,10 @@ def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
             for axis, values in ((far, z), (aside, x)):
                 axis.plot(track.time_s, values, color=colour, linewidth=0.6, alpha=0.35, linestyle=style)
             far.plot(
-                track.time_s, _mean(z), color=colour, linestyle=style, linewidth=2,
+                track.time_s, _mean(z, one), color=colour, linestyle=style, linewidth=2,
                 label=f"{one.name}: {one.believed_short}",
             )  # fmt: skip
-            aside.plot(track.time_s, _mean(x), color=colour, linestyle=style, linewidth=2)
+            aside.plot(track.time_s, _mean(x, one), color=colour, linestyle=style, linewidth=2)
         for one in cases[:MOST_ROWS]:
             far.plot(one.track.time_s, one.track.goal_m.mean(axis=1), color=GOOD, linewidth=1.4, zorder=1)
         _events(far, cases[:MOST_ROWS])
@@ -157,7 +157,9 @@ def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
     return fig
 
 
-def _mean(values: np.ndarray) -> np.ndarray:
+def _mean(values: np.ndarray, one: Followed) -> np.ndarray:
+    """Of the runs that kept their way; of all where none did."""
+    values = values[:, one.lost == one.lost.all()]
     count = np.isfinite(values).sum(axis=1)
     return np.where(count > 0, np.nansum(values, axis=1) / np.maximum(count, 1), np.nan)
 

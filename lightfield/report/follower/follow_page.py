@@ -15,7 +15,7 @@ from lightfield.report.follower.follow_figures import (
 from lightfield.report.follower.page import light_in_words, page, section
 from lightfield.report.page import Section, Table, page_figure
 from lightfield.scene import Scene
-from lightfield.studies.following.metrics import METRICS, OF_DOCKING
+from lightfield.studies.following.metrics import COUNTED, METRICS, OF_DOCKING
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
 from lightfield.wording import capital, plain
@@ -25,7 +25,7 @@ _SHOWN = (
     "standoff", "across_rms", "yaw_rms", "belief_less_truth", "belief_scatter", "nearest", "doubtful",
 )  # fmt: skip
 #: Shown where they are not zero, or exist.
-_ON_OCCASION = ("standoff_at_end", "overshoot", "without_light", "back_after", "outside")
+_ON_OCCASION = ("standoff_at_end", "overshoot", "without_light", "lost", "back_after", "outside")
 
 
 def following_page(found: Following) -> str:
@@ -37,6 +37,7 @@ def following_page(found: Following) -> str:
     names += [name for name in _ON_OCCASION if any(_matters(one, name) for one in cases)]
     rows = [[f"{plain(n)} ({METRICS[n][0]})", *(_cell(one, n) for one in cases)] for n in names]
     count = len(first.track.contact)
+    kept = ", without those that lost their way" if any(one.lost.any() for one in cases) else ""
     cut = f" The first {MOST_ROWS} of {len(cases)} followers." if len(cases) > MOST_ROWS else ""
     sections = [
         section(
@@ -59,7 +60,7 @@ def following_page(found: Following) -> str:
                 page_figure(
                     "way",
                     f"Thin: each of {count} runs, with noise, gain, water and lamp of its own as far as the "
-                    f"scene says that they are not known. Thick: their mean.{events_in_words(cases)}",
+                    f"scene says that they are not known. Thick: their mean{kept}.{events_in_words(cases)}",
                     "Distance and offset over time",
                     way_figure,
                     cases,
@@ -68,7 +69,7 @@ def following_page(found: Following) -> str:
             text=["; ".join(f"{plain(n)}: {METRICS[n][1]}" for n in names) + "."],
             tables=[
                 Table(
-                    "Mean of the runs ± scatter from run to run.",
+                    f"Mean of the runs ± scatter from run to run{kept}.",
                     ["", *(f"{one.name}: {one.believed_short}" for one in cases)],
                     rows,
                 )
@@ -138,7 +139,7 @@ def _matters(one: Followed, name: str) -> bool:
 def _cell(one: Followed, name: str) -> str:
     if name not in one.runs:
         return "–"
-    if name == "docked":
+    if name in COUNTED:
         return f"{int(one.runs[name].sum())} of {len(one.runs[name])}"
     over = one.spreads[name]
     return _words(over.mean, over.scatter)

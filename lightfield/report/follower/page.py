@@ -137,6 +137,7 @@ def survey_page(survey: Survey) -> str:
     unknown = ", ".join(f"{k} (standard deviation {v:.3g})" for k, v in survey.nuisances.items()) or "nothing"
     origin = [("light", light_in_words(survey.traced)), ("unknown beside the pose", unknown)]
     lead = [f"Docking asks for {DOCKING_ASKS}.", *([LOOKS_AWAY] if survey.looks_away else [])]
+    lead += [survey.why_unknown] if survey.tied else []
     return page("Detector array", verdict, lead, sections, survey.scene, origin)
 
 

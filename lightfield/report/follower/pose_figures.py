@@ -134,7 +134,8 @@ def sequence_figure(poses: Poses, narrow: bool = False) -> Figure:
                 if one.lost:
                     panel.axvline(moment, color=BAD, alpha=0.3)
             label(panel, "", f"{WORDS[name]} ({unit})")
-        each[0].legend(loc="best", ncols=3, fontsize=7.5 if narrow else 8.5)
+        if each[0].get_legend_handles_labels()[0]:  # none where no light was seen
+            each[0].legend(loc="best", ncols=3, fontsize=7.5 if narrow else 8.5)
         each[-1].set_xlabel("time (s)")
     return fig
 

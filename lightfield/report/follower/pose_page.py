@@ -145,5 +145,5 @@ def poses_page(poses: Poses) -> str:
         )
     ]  # fmt: skip
     lead = [f"{capital(str(one))}." for one in poses.losses]
-    lead += [f"{capital(poses.dead)}."] if poses.dead else []
+    lead += [f"{capital(poses.doubts)}."] if poses.doubts else []
     return page("Pose", verdict, lead, sections, poses.scene, [("light", light_in_words(poses.traced))])

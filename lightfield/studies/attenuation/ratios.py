@@ -41,6 +41,8 @@ from lightfield.studies.attenuation.shared_errors import (
 #: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
 #: relative error, would reach the error of a stay (0.3 %).
 _FAINT_SIGMA = 12.0
+#: A reading is below zero, and not faint, by so many of its errors (chosen: of a thousand one by chance).
+_BELOW_SIGMA = 3.0
 #: Part of the brightest light that stands for none.
 _NOTHING = 1e-9
 #: What `Ratios` holds of each place, beside its stay.
@@ -54,6 +56,7 @@ FEWEST_DISTANCES = 2
 #: What helps where readings are left out.
 _REMEDIES = {
     Studied.FAINT: "read nearer, or longer: the errors are too large for a logarithm",
+    Studied.NEGATIVE: "correct their sign, or take the dark signal off once",
     Studied.NOT_IN_AIR: "read water and air at the same places, in the same bands",
 }
 #: Repeats from which an error that the table does not state is taken.
@@ -190,17 +193,22 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
         notes.append(Remark(Studied.DARK_LEFT))
     if left := _left_in(scene):
         notes.append(Remark(Studied.READOUT_LEFT, why=", ".join(left)))
-    if lost := int((both & ~bright).sum()):
-        notes.append(Remark(Studied.FAINT, lost, int(both.sum()), _FAINT_SIGMA))
-    if alone := int((np.isfinite(water) & ~np.isfinite(other)).sum()):
-        notes.append(Remark(Studied.NOT_IN_AIR, alone))
+    below = both & ((water < -_BELOW_SIGMA * water_error) | (other < -_BELOW_SIGMA * other_error))
+    left_out = {
+        Studied.FAINT: (both & ~bright & ~below, int(both.sum()), _FAINT_SIGMA),
+        Studied.NEGATIVE: (below, int(both.sum()), _BELOW_SIGMA),
+        Studied.NOT_IN_AIR: (np.isfinite(water) & ~np.isfinite(other), None, None),
+    }
+    for what, (which, among, limit) in left_out.items():
+        if count := int(which.sum()):
+            notes.append(Remark(what, count, among, limit, first=_first(which, places, colours[:, 0])))
     with np.errstate(invalid="ignore", divide="ignore"):
         ln = np.where(bright, np.log(water / other), np.nan) - geometry[:, None]
         error = np.where(bright, np.hypot(water_error / water, other_error / other), np.nan)
     seen = seen_by(table, scene, colours[:, 0])
     if in_bands := int((seen.width_nm > 0).sum()):
-        below = 100 * float(seen.hardened(Water(base="pure"), path[clear > 0]).max())
-        notes.append(Remark(Studied.BANDS, in_bands, len(colours), float(seen.width_nm.max()), percent=below))
+        less = 100 * float(seen.hardened(Water(base="pure"), path[clear > 0]).max())
+        notes.append(Remark(Studied.BANDS, in_bands, len(colours), float(seen.width_nm.max()), percent=less))
     distances, stay = np.unique(places[:, 2], return_inverse=True)
     budget = budget_of(table)
     if not budget.gain_stated:
@@ -280,6 +288,14 @@ def _labels(*columns: Array, decimals: int) -> tuple[Array, NDArray[np.int_]]:
     return rows, label.ravel()
 
 
+def _first(which: NDArray[np.bool_], places: Array, wavelength_nm: Array) -> str:
+    """Place and wavelength of the first of some pairs, shape (n_places, n_colours), in words."""
+    k, colour = np.argwhere(which)[0]
+    (x, y, z), at = places[k], wavelength_nm[colour]
+    aside = f"x = {x:g}, y = {y:g}, " if x or y else ""
+    return f"{aside}z = {z:g} m" + (f", {at:g} nm" if np.isfinite(at) else "")
+
+
 def _light(table: Readings, scene: Scene, air: NDArray[np.bool_], full: float) -> tuple[Array, Array]:
     """The light that was read as if the lamp were steady, and its derivative by the reading.
 
@@ -356,8 +372,7 @@ def _enough(found: Ratios, where: str | None) -> Ratios:
     if not keep.any():
         left = [note for note in found.notes if note.studied in _REMEDIES]
         raise MeasurementError(
-            "attenuation needs several distances",
-            where=where,
+            "attenuation needs several distances", where=where,
             found="; ".join(
                 [
                     f"{int(distances.max(initial=0))} with readings in water"
@@ -367,7 +382,7 @@ def _enough(found: Ratios, where: str | None) -> Ratios:
             ),
             rule=f"at least {FEWEST_DISTANCES}, per wavelength",
             remedy="; ".join(_REMEDIES[note.studied] for note in left) or "read at more distances",
-        )
+        )  # fmt: skip
     places = known[:, keep].any(axis=1)
     dropped = int((~keep).sum())
     more = (Remark(Studied.FEW_DISTANCES, dropped, limit=FEWEST_DISTANCES),) if dropped else ()

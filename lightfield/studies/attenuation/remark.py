@@ -15,6 +15,7 @@ class Studied(str, Enum):
     GAIN_ASSUMED = "gain_assumed"
     SHARED_FROM_SCATTER = "shared_from_scatter"
     FAINT = "faint"
+    NEGATIVE = "negative"
     NOT_IN_AIR = "not_in_air"
     FEW_DISTANCES = "few_distances"
     BANDS = "bands"
@@ -40,6 +41,8 @@ class Remark:
         Which they miss.
     percent : float, optional
         The error that was taken.
+    first : str, optional
+        Where the first of them was read.
     why : str, optional
         The error that ended a part of the study; what of the scene was left in the readings.
     """
@@ -49,6 +52,7 @@ class Remark:
     among: int | None = None
     limit: float | None = None
     percent: float | None = None
+    first: str | None = None
     why: str | None = None
 
     def __str__(self) -> str:
@@ -66,8 +70,13 @@ _WORDS = {
     Studied.SHARED_FROM_SCATTER: "the bands of a place scatter less about each other than their standard "
     "errors say, and the table does not state common_percent: {percent:.2g} % is taken for an error that all "
     "bands of a place share",
-    Studied.FAINT: "{count} of {among} pairs are fainter than {limit:g} of their errors: left out",
-    Studied.NOT_IN_AIR: "{count} readings in water have none in air at their place and wavelength: left out",
+    Studied.FAINT: "{count} of {among} pairs are fainter than {limit:g} of their errors, the first at "
+    "{first}: left out",
+    Studied.NEGATIVE: "{count} of {among} pairs have a reading below zero by more than {limit:g} of its "
+    "errors, which no light is, the first at {first}: left out; is it their sign, or a dark signal taken off "
+    "twice?",
+    Studied.NOT_IN_AIR: "{count} readings in water have none in air at their place and wavelength, the first "
+    "at {first}: left out",
     Studied.FEW_DISTANCES: "{count} wavelengths were not read at {limit:g} distances: left out",
     Studied.BANDS: "{count} of {among} wavelengths stand for bands (up to {limit:g} nm wide): constituents "
     "are looked for in means over them, weighed by the scene's lamp and detector. K of a band falls with "

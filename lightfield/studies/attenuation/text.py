@@ -20,8 +20,8 @@ from lightfield.studies.attenuation.study import (
 )
 from lightfield.wording import capital, minus
 
-#: So many colours are printed, in a terminal and on a page; the data hold all.
-_SHOWN = 20
+#: So many colours are printed of more than so many, in a terminal and on a page; the data hold all.
+_SHOWN, _ALL = 20, 30
 #: Readings that part from the scene's water by more of their errors show another.
 _OTHER_WATER_SIGMA = 4.0
 #: An amount that is off by more of its stated errors than this is named.
@@ -89,7 +89,7 @@ def table_rows(one: Apparent) -> list[list[str]]:
             f"{one.K_per_m[k]:.4f} ± {one.K_stderr[k]:.4f}",
             *(f"{p[k]:.1f} ± {max(e[k], 0.1):.1f} %" for p, e in columns),
         ]
-        for k in evenly(len(one.K_per_m), _SHOWN)
+        for k in evenly(len(one.K_per_m), _SHOWN if len(one.K_per_m) > _ALL else _ALL)
     ]
 
 

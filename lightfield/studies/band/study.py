@@ -36,7 +36,7 @@ from lightfield.studies.light_at import FARTHEST_M, refuse_dark_light
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-#: The paper's band, nm.
+#: The band of the tow tank experiment, nm.
 PAPER_BAND = (500.0, 550.0)
 CRITERIA = {
     "attenuation": "least attenuation",
@@ -66,10 +66,10 @@ class BestBand:
     criterion : str
         One of `CRITERIA`.
     low_nm, high_nm : float
-    paper_share : float
-        What the paper's band has of the best value (for attenuation: the best over the paper's; NaN where the
-        least is not above nothing by its error, as where walls send back what the water takes).
-    paper_share_stderr : float
+    scene_share : float
+        What the scene's first band has of the best value (for attenuation: the best over that band's; NaN
+        where the least is not above nothing by its error, as where walls send back what the water takes).
+    scene_share_stderr : float
         By the traced light.
     """
 
@@ -77,8 +77,8 @@ class BestBand:
     criterion: str
     low_nm: float
     high_nm: float
-    paper_share: float
-    paper_share_stderr: float
+    scene_share: float
+    scene_share_stderr: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +105,11 @@ class Bands:
     def is_grey(self) -> bool:
         """Is the water the same at all wavelengths, so that it has no best band?"""
         return is_grey(self.scene.water)
+
+    @property
+    def scene_band_nm(self) -> tuple[float, float]:
+        """The scene's first band, with which the best are compared, nm."""
+        return self.scene.detector.bands_nm[0]
 
     @property
     def within_nm(self) -> tuple[float, float]:
@@ -200,7 +205,7 @@ def best_band(
     UsageError
         Numbers that make no sense.
     SceneError
-        A water, lamp or detector that is not known at these wavelengths, or in the paper's band.
+        A water, lamp or detector that is not known at these wavelengths, or in the scene's first band.
     """
     read = scene.detector.distances_m
     z = np.unique(np.asarray(distances_m or (read[0], read[-1]), float))
@@ -215,7 +220,8 @@ def best_band(
             rule=f"at least {_STEP_NM:g} nm wide, and no wider than the range they lie in",
             remedy="change the width, or the range",
         )  # fmt: skip
-    first, last = min(low_nm, PAPER_BAND[0]), max(high_nm, PAPER_BAND[1])
+    own = scene.detector.bands_nm[0]
+    first, last = min(low_nm, own[0]), max(high_nm, own[1])
     # At whole steps, where tables of water have their rows.
     begin = math.ceil(first / _LIGHT_NM) * _LIGHT_NM
     at = np.unique([first, *np.arange(begin, last, _LIGHT_NM), last])
@@ -230,8 +236,8 @@ def best_band(
         return np.asarray(given * responsivity(response, scene.detector, wavelength_nm))
 
     lows = np.arange(low_nm, high_nm - width_nm, _STEP_NM)
-    lows = np.concatenate([lows, [high_nm - width_nm, PAPER_BAND[0]]])
-    highs = np.append(lows[:-1] + width_nm, PAPER_BAND[1])
+    lows = np.concatenate([lows, [high_nm - width_nm, own[0]]])
+    highs = np.append(lows[:-1] + width_nm, own[1])
     fine = np.concatenate([np.arange(first, last, _FINE_NM), knots_nm(scene.lamp), at, lows, highs])
     fine = np.unique(fine[(fine >= first) & (fine <= last)])
     what = seen(fine), np.ones_like(fine)
@@ -291,7 +297,7 @@ def _bands(
     shares: tuple[Array, Array],
     noise: CountNoise,
 ) -> xr.Dataset:
-    """What every band gives at every distance; the last is the paper's.
+    """What every band gives at every distance; the last is the scene's own.
 
     Parameters
     ----------
@@ -328,16 +334,16 @@ def _bands(
 
 
 def _best(bands: xr.Dataset, width: float) -> list[BestBand]:
-    """The best of every criterion at every distance, the paper's band (the last) aside."""
+    """The best of every criterion at every distance, the scene's own (the last) aside."""
     found = []
     for k, z in enumerate(bands.z_m.values):
         row = bands.isel(z_m=k)
         for name in CRITERIA:
             values, K, error = (row[n].values for n in (name, "attenuation", "attenuation_stderr"))
-            own, paper = values[:-1], values[-1]
-            best = int(np.argmin(own) if name == "attenuation" else np.argmax(own))
+            others, own = values[:-1], values[-1]
+            best = int(np.argmin(others) if name == "attenuation" else np.argmax(others))
             with np.errstate(divide="ignore", invalid="ignore"):
-                share = float(own[best] / paper if name == "attenuation" else paper / own[best])
+                share = float(others[best] / own if name == "attenuation" else own / others[best])
             # Traced light errs alike in all bands: the difference is left of it.
             if name == "attenuation" and not (K[best] > error[best] and K[-1] > 0):
                 share = stderr = float("nan")

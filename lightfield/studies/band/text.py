@@ -20,7 +20,7 @@ def as_text(found: Bands) -> str:
     low, high = found.flat_nm()
     lines = [headline(found), ""]
     for row in rows(found):
-        lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} 500 to 550 nm has {row[3]}")
+        lines.append(f"at {row[0]:>7}  {row[1]:<38} {row[2]:<12} {of_the_scene(found)} has {row[3]}")
     lines += untold_sentences(found)
     lines.append(water_sentence(found))
     if not found.is_grey:
@@ -32,7 +32,7 @@ def as_text(found: Bands) -> str:
 
 
 def headline(found: Bands) -> str:
-    """One sentence: where the paper's band stands; or that the water has no say in it."""
+    """One sentence: where the scene's own band stands; or that the water has no say in it."""
     if found.is_grey:
         return (
             "The scene's water is the same at all wavelengths, so this says nothing of the water: what "
@@ -42,17 +42,31 @@ def headline(found: Bands) -> str:
     low, high = found.within_nm
     far = [b for b in found.best if b.z_m == found.best[-1].z_m]
     signal = next(b for b in far if b.criterion == "signal")
-    wide = "" if found.width_nm == PAPER_BAND[1] - PAPER_BAND[0] else " (50 nm wide)"
+    first, last = found.scene_band_nm
+    wide = "" if np.isclose(found.width_nm, last - first) else f" ({last - first:g} nm wide)"
     return (
         f"In the scene's water {signal.low_nm:g} to {signal.high_nm:g} nm has the most signal of any band "
-        f"{found.width_nm:g} nm wide from {low:g} to {high:g} nm at {signal.z_m:g} m; 500 to 550 nm{wide}, "
-        f"as in the tow tank experiment, has {100 * signal.paper_share:.0f} % of it."
+        f"{found.width_nm:g} nm wide from {low:g} to {high:g} nm at {signal.z_m:g} m; "
+        f"{of_the_scene(found)}{wide}, {origin(found)}, has {100 * signal.scene_share:.0f} % of it."
     )
+
+
+def of_the_scene(found: Bands) -> str:
+    """The scene's own band, in words."""
+    return "{:g} to {:g} nm".format(*found.scene_band_nm)
+
+
+def origin(found: Bands) -> str:
+    """Where the scene's own band comes from."""
+    if found.scene_band_nm == PAPER_BAND:
+        return "as in the tow tank experiment"
+    several = len(found.scene.detector.bands_nm) > 1
+    return f"the scene's {'first' if several else 'own'} band"
 
 
 def water_sentence(found: Bands) -> str:
     """Whose water this is: that of the scene file, whatever readings may say."""
-    water, at = found.scene.water, [np.mean(PAPER_BAND)]
+    water, at = found.scene.water, [np.mean(found.scene_band_nm)]
     a, b = (float(f(water, np.array(at))[0]) for f in (absorption_per_m, scattering_per_m))
     inside = {
         "chlorophyll": water.chlorophyll_mg_per_m3,
@@ -69,7 +83,7 @@ def water_sentence(found: Bands) -> str:
 
 def untold_sentences(found: Bands) -> list[str]:
     """Why shares of an attenuation are not told."""
-    if found.is_grey or not any(np.isnan(b.paper_share) for b in found.best):
+    if found.is_grey or not any(np.isnan(b.scene_share) for b in found.best):
         return []
     return [
         f"{capital(_UNTOLD)}: where it is least, attenuation is above 0 by no more than its "
@@ -78,7 +92,7 @@ def untold_sentences(found: Bands) -> list[str]:
 
 
 def rows(found: Bands) -> list[list[str]]:
-    """Distance, criterion, best band, what the paper's band has of the best, as text."""
+    """Distance, criterion, best band, what the scene's band has of the best, as text."""
     return [
         [
             f"{b.z_m:g} m",
@@ -93,12 +107,12 @@ def rows(found: Bands) -> list[list[str]]:
 
 def _share(best: BestBand) -> str:
     """In per cent, with its error where light was traced; an attenuation over the least."""
-    if not np.isfinite(best.paper_share):
+    if not np.isfinite(best.scene_share):
         return _UNTOLD
-    error = f" ± {max(100 * best.paper_share_stderr, 0.1):.1f}" if best.paper_share_stderr > 0 else ""
+    error = f" ± {max(100 * best.scene_share_stderr, 0.1):.1f}" if best.scene_share_stderr > 0 else ""
     if best.criterion == "attenuation":
-        return f"{1 / best.paper_share:.3g} times as much"
-    return f"{100 * best.paper_share:.0f}{error} %"
+        return f"{1 / best.scene_share:.3g} times as much"
+    return f"{100 * best.scene_share:.0f}{error} %"
 
 
 def as_data(found: Bands) -> dict[str, Any]:
@@ -107,6 +121,7 @@ def as_data(found: Bands) -> dict[str, Any]:
         "best": [{name: jsonable(value) for name, value in vars(b).items()} for b in found.best],
         "grey_water": found.is_grey,
         "width_nm": found.width_nm,
+        "scene_band_nm": list(found.scene_band_nm),
         "flat_nm": list(found.flat_nm()),
         **{
             part: {str(k): v.values.tolist() for k, v in {**data.coords, **data.data_vars}.items()}

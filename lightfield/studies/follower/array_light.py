@@ -14,7 +14,7 @@ from lightfield.errors import RenderError
 from lightfield.formula.vector import direct_flux, flux_and_slopes, on_receivers, seen_of_back
 from lightfield.render.flux.traced_field import Region, reference_for_others, traced_field
 from lightfield.scene import Scene
-from lightfield.scene.bands import middles_nm
+from lightfield.scene.bands import middles_nm, refuse_unlit
 from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies import defaults
@@ -134,7 +134,10 @@ def light_of(scene: Scene, space: Space, elements: Elements, *, photons: float, 
     ------
     RenderError
         The space reaches into a wall, or behind the lamp.
+    SceneError
+        No light in any band.
     """
+    refuse_unlit(scene)
     if not photons:
         return FormulaLight(scene)
     reach = elements.reach_m + MARGIN_M

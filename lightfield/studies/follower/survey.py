@@ -22,7 +22,7 @@ from lightfield.studies.follower.array_light import (
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import POSE, placed, pose_of, poses_on_axis
-from lightfield.studies.follower.information import Bound, bound, nuisances_of, with_doubt
+from lightfield.studies.follower.information import Bound, bound, is_told, nuisances_of, with_doubt
 from lightfield.studies.follower.pose_search import box_of
 from lightfield.studies.follower.rival_poses import RivalPose, rivals
 
@@ -38,6 +38,9 @@ LOOKS_AWAY = (
     "No element looks at the lamp from the scene's pose: all that they read is light that comes back. A "
     "normal of the array looks at it with nz below 0."
 )
+
+#: Coordinates that may do the same to readings: a step aside, and a turn that way.
+_ALIKE = (("x", "yaw"), ("y", "pitch"))
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,8 @@ class Survey:
         What was not known exactly.
     traced : bool
         With scattered and reflected light.
+    tied : tuple of (str, str)
+        Coordinates that are unknown somewhere for the other's sake alone.
     """
 
     scene: Scene
@@ -70,6 +75,7 @@ class Survey:
     rivals: list[RivalPose]
     nuisances: dict[str, float]
     traced: bool
+    tied: tuple[tuple[str, str], ...] = ()
 
     @property
     def reaches(self) -> float:
@@ -91,10 +97,24 @@ class Survey:
         lamp = np.array([self.scene.lamp.offset_x_m, self.scene.lamp.offset_y_m, 0.0])
         return bool((((lamp - places[0]) * normals[0]).sum(axis=1) <= 0).all())
 
+    @property
+    def why_unknown(self) -> str:
+        """Why coordinates are unknown together, and what parts them, as a sentence, or nothing."""
+        if not self.tied:
+            return ""
+        (one, other), *more = self.tied
+        too = "".join(f", and {a} and {b}" for a, b in more)
+        return (
+            f"To the readings of this array {one} and {other} do the same{too}: each is known only as far as "
+            "the other is. They are parted by elements whose tilts are not in proportion to their distances "
+            "from the middle, such as `array optimise` finds."
+        )
+
     def as_data(self) -> dict[str, Any]:
         return {
             "elements": len(self.elements),
             "looks_away": self.looks_away,
+            "tied": [list(pair) for pair in self.tied],
             "spacing_m": self.elements.spacing_m if len(self.elements) > 1 else None,
             "light": "traced field" if self.traced else "formula",
             "unknown": self.nuisances,
@@ -120,6 +140,8 @@ class Survey:
         ]
         if self.looks_away:
             lines.append(LOOKS_AWAY)
+        if self.tied:
+            lines.append(self.why_unknown)
         if self.rivals:
             lines.append(f"{len(self.rivals)} other poses look alike; the nearest: {self.rivals[0]}")
         else:
@@ -171,16 +193,32 @@ def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: 
     parts = model.leave_one_out()
     along = poses_on_axis(scene.lamp, np.linspace(space.near_m, space.far_m, 3))
     along[:, :2] = along[:, :2].clip(-space.half_width_m, space.half_width_m)
+    here, *axis = (with_doubt(model, parts, at, names, noise, nuisances) for at in (pose, *along))
+    tied = tuple(
+        pair
+        for pair in _ALIKE
+        if any(
+            not any(is_told(name, one.sigma[name]) for name in pair) and _told_alone(one, pair, model, noise)
+            for one in (here, *axis)
+        )
+    )
     return Survey(
         scene,
         elements,
-        with_doubt(model, parts, pose, names, noise, nuisances),
-        [with_doubt(model, parts, at, names, noise, nuisances) for at in along],
+        here,
+        axis,
         bound_map(model, space, names, noise, nuisances),
         rivals(model, pose, names, noise, box_of(space), nuisances=nuisances, seed=seed),
         nuisances,
         bool(photons),
+        tied,
     )
+
+
+def _told_alone(one: Bound, pair: tuple[str, str], model: ArrayModel, noise: SensorNoise) -> bool:
+    """Would the first of two coordinates be known if the turns were?"""
+    others = [name for name in one.names if name not in dict(_ALIKE).values()]
+    return is_told(pair[0], bound(model, one.pose, others, noise).sigma[pair[0]])
 
 
 def bound_map(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.scene.follower import Mission
 from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.following.loop import CONE, Track
@@ -34,6 +34,11 @@ METRICS: dict[str, tuple[str, str]] = {
     "nearest": ("m", "least distance from the lamp"),
     "effort": ("N", "root mean square of the horizontal thrust, after the first third"),
     "without_light": ("s", "time in which no element saw light"),
+    "lost": (
+        "1",
+        "lost its way: after the first third behind the lamp or turned from it by over 90 degrees, or at the "
+        "end without light; the other numbers are those of runs that kept theirs",
+    ),
     "doubtful": ("%", "readings that do not fit the light that is believed in, three in a row"),
     "outside": ("s", "time outside the space in which the light is known: numbers of such a run mean little"),
     "back_after": ("s", "from the return of the light until it is in its place again"),
@@ -48,9 +53,11 @@ METRICS: dict[str, tuple[str, str]] = {
 }
 OF_FOLLOWING = (
     "standoff", "standoff_at_end", "standoff_rms", "across_rms", "yaw_rms", "belief_less_truth",
-    "belief_scatter", "overshoot", "nearest", "effort", "back_after",
+    "belief_scatter", "overshoot", "nearest", "effort", "lost", "back_after",
 )  # fmt: skip
 OF_DOCKING = ("docked", "contact_time", "contact_across", "contact_yaw", "contact_speed")
+#: Metrics that are 0 or 1 in a run, which are counted.
+COUNTED = ("docked", "lost")
 
 
 @dataclass(frozen=True)
@@ -74,6 +81,13 @@ class OverRuns:
     error: float
     runs: int
 
+    def __str__(self) -> str:
+        """Mean ± scatter, to two digits of the scatter."""
+        if not np.isfinite(self.scatter):
+            return f"{self.mean:.3g}"
+        digits = int(np.clip(2 - np.floor(np.log10(self.scatter)) - 1, 0, 4)) if self.scatter > 0 else 2
+        return f"{self.mean:.{digits}f} ± {self.scatter:.{digits}f}"
+
     @classmethod
     def of(cls, values: Array) -> OverRuns:
         known = values[np.isfinite(values)]
@@ -83,11 +97,25 @@ class OverRuns:
         return cls(float(known.mean()), scatter, scatter / np.sqrt(len(known)), len(known))
 
 
+def spreads_of(runs: dict[str, Array]) -> dict[str, OverRuns]:
+    """Every metric over the runs that kept their way, and over all how many lost it.
+
+    Parameters
+    ----------
+    runs : dict of str to array, shape (runs,)
+        See `metrics_of`.
+    """
+    lost = runs.get("lost")
+    if lost is None:
+        return {name: OverRuns.of(values) for name, values in runs.items()}
+    return {name: OverRuns.of(v if name == "lost" else v[lost == 0]) for name, v in runs.items()}
+
+
 def metrics_of(track: Track, mission: Mission) -> dict[str, Array]:
     """Every metric that a task has, shape (runs,) each."""
     time, pose = track.time_s, track.pose
     step = float(time[1] - time[0]) if len(time) > 1 else 0.0
-    late, end = time >= _SETTLED * time[-1], time >= time[-1] - _END_S
+    late, end = _late_and_end(track)
     z, across = pose[..., 2], np.hypot(pose[..., 0], pose[..., 1])
     missed = track.estimate[..., 2] - z
     beyond = _overshoot((z - track.goal_m)[~late])
@@ -109,6 +137,7 @@ def metrics_of(track: Track, mission: Mission) -> dict[str, Array]:
             "nearest": np.linalg.norm(pose[..., :3], axis=-1).min(axis=0),
             "effort": _rms(np.hypot(track.force[late, :, 0], track.force[late, :, 1])),
             **found,
+            "lost": _lost(track, mission).astype(float),
         }
     if mission.dark_for_s > 0 and mission.task == "follow":
         found["back_after"] = _back_after(track, mission.dark_from_s + mission.dark_for_s)
@@ -137,6 +166,31 @@ def _overshoot(error: Array) -> Array:
     side = np.sign(error[0])
     beyond = np.where(side == 0, np.abs(error), -side * error)
     return np.asarray(np.maximum(beyond.max(axis=0), 0.0))
+
+
+def _lost(track: Track, mission: Mission) -> Mask:
+    """Which runs lost their way: no lamp shines backwards, and no array sees one behind its back.
+
+    Darkness alone does not count: who sees nothing in it may find back.
+    """
+    late, end = _late_and_end(track)
+    dark = (track.time_s >= mission.dark_from_s) & (track.time_s < mission.dark_from_s + mission.dark_for_s)
+    behind = (track.pose[late, :, 2] <= 0).any(axis=0)
+    away = (np.abs(track.pose[late, :, 3]) > np.pi / 2).any(axis=0)
+    blind = bool((end & ~dark).any()) & ~track.lit[end & ~dark].any(axis=0)
+    return np.asarray(behind | away | blind)
+
+
+def on_their_way(track: Track) -> Mask:
+    """Which runs end while they come nearer to a dock that they have not reached, shape (runs,)."""
+    _, end = _late_and_end(track)
+    nearer = track.goal_m[-1] < track.goal_m[end][0]
+    return np.asarray(np.isnan(track.contact[:, 0]) & nearer & track.lit[-1])
+
+
+def _late_and_end(track: Track) -> tuple[Mask, Mask]:
+    time = track.time_s
+    return time >= _SETTLED * time[-1], time >= time[-1] - _END_S
 
 
 def _rms(values: Array) -> Array:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from lightfield.arrays import Array, finite
+from lightfield.arrays import Array, Mask, finite
 from lightfield.errors import SceneError
 from lightfield.progress import step
 from lightfield.render.limits import FIELD_PHOTONS
@@ -22,10 +22,17 @@ from lightfield.studies.follower.frames import POSE, in_degrees
 from lightfield.studies.follower.survey import DOCKING, array_of
 from lightfield.studies.following.leader import beyond_walls, check_way
 from lightfield.studies.following.loop import Track, run_loop
-from lightfield.studies.following.metrics import METRICS, OverRuns, metrics_of
+from lightfield.studies.following.metrics import (
+    COUNTED,
+    METRICS,
+    OverRuns,
+    metrics_of,
+    on_their_way,
+    spreads_of,
+)
 from lightfield.studies.following.truth_and_belief import densest_per_m, light_of_mission
 from lightfield.studies.one_number import refuse_several
-from lightfield.wording import plain
+from lightfield.wording import capital, plain
 
 #: In words, what a follower believes.
 BELIEFS = {
@@ -75,15 +82,21 @@ class Followed:
 
     @property
     def spreads(self) -> dict[str, OverRuns]:
-        """Every metric over the runs."""
-        return {name: OverRuns.of(values) for name, values in self.runs.items()}
+        """Every metric over the runs that kept their way."""
+        return spreads_of(self.runs)
+
+    @property
+    def lost(self) -> Mask:
+        """Which runs lost their way, shape (runs,); who docks has none to keep."""
+        return np.asarray(self.runs.get("lost", np.zeros(len(self.track.contact))) > 0)
 
     @property
     def typical(self) -> int:
-        """Number of the run that ends nearest to where they end in the middle."""
+        """Number of the run that ends nearest to where they end in the middle; none that lost its way."""
         last = self.track.pose[-1, :, 2] if self.mission.task == "follow" else self.track.contact[:, 0]
-        known = np.where(np.isfinite(last), last, np.inf)
-        return int(np.argsort(known, kind="stable")[(len(known) - 1) // 2])
+        kept = np.flatnonzero(self.lost == self.lost.all())
+        known = np.where(np.isfinite(last), last, np.inf)[kept]
+        return int(kept[np.argsort(known, kind="stable")[(len(known) - 1) // 2]])
 
     @property
     def believed(self) -> str:
@@ -114,27 +127,60 @@ class Followed:
         if mission.task == "dock":
             docked = int(self.runs["docked"].sum())
             reached = found["contact_time"].runs
+            still = int(on_their_way(self.track).sum())
+            over = f"on their way when their {mission.duration_s:g} s were over"
             if docked:
-                return f"{believes} docks in {docked} of {count} runs"
+                return f"{believes} docks in {docked} of {count} runs" + f"; {still} were {over}" * (
+                    still > 0
+                )
             if reached:
                 return f"{believes} misses the dock"
             ends = float(np.linalg.norm(self.track.pose[-1, :, :3], axis=-1).mean())
+            if still:
+                return (
+                    f"{believes} has not come to the dock yet: {still} of {count} runs were {over}, "
+                    f"{ends:.1f} m from the lamp"
+                )
             return (
                 f"{believes} never comes to the dock: after {mission.duration_s:g} s it is {ends:.1f} m "
                 "from the lamp"
             )
-        if not found["belief_less_truth"].runs:
+        if not np.isfinite(self.runs["belief_less_truth"]).any():
             return f"{believes} never learns where it is: no reading of the array tells its whole pose"
-        z = found["standoff_at_end" if mission.turbid_factor != 1 or mission.dark_for_s else "standoff"]
+        if self.lost.all():
+            return f"{believes} loses its way in each of {count} runs"
+        z = self.kept
         off = z.mean - mission.standoff_m
-        stands = f"{believes} stands at {_pm(z)} m where {mission.standoff_m:g} m was asked"
-        if self.through_walls:
-            return f"{stands}, and drives through a wall of the tank in {self.through_walls} of {count} runs"
-        if found["outside"].mean > 0:
-            return f"{stands}, and leaves the light that is known"
+        stands = f"{believes} stands at {z} m where {mission.standoff_m:g} m was asked"
+        if self.astray:
+            return f"{stands}, and {', and '.join(self.astray)}"
         if abs(off) <= _ALLOWED_M:
             return stands
         return f"{stands}: {abs(off):.1f} m too {'far' if off > 0 else 'near'}"
+
+    @property
+    def kept(self) -> OverRuns:
+        """The distance that it keeps, m: at the end, where water or light changes on the way."""
+        changes = self.mission.turbid_factor != 1 or self.mission.dark_for_s > 0
+        return self.spreads["standoff_at_end" if changes else "standoff"]
+
+    def stands(self, about: list[str]) -> str:
+        """Where it stands, with what is said about it in brackets."""
+        beside = ", ".join([*about, *self.astray])
+        return ("no distance" if self.lost.all() else f"{self.kept} m") + f" ({beside})" * bool(beside)
+
+    @property
+    def astray(self) -> list[str]:
+        """What it does that it should not, beside standing too far or too near; each a verb and on."""
+        count, lost = len(self.lost), int(self.lost.sum())
+        found = []
+        if lost:
+            found.append(f"loses its way in {lost} of {count} runs")
+        if self.through_walls:
+            found.append(f"drives through a wall of the tank in {self.through_walls} of {count} runs")
+        elif self.spreads["outside"].mean > 0:
+            found.append("leaves the light that is known")
+        return found
 
     def as_data(self) -> dict[str, Any]:
         mission, track = self.mission, self.track
@@ -149,6 +195,7 @@ class Followed:
             "degrees_of_freedom": mission.degrees_of_freedom,
             "runs": len(track.contact),
             "runs_through_walls": self.through_walls,
+            "runs_lost": int(self.lost.sum()),
             "light": "traced field" if self.traced else "formula",
             "verdict": self.verdict,
             "metrics": {
@@ -180,12 +227,12 @@ class Followed:
         ]
         for name, one in self.spreads.items():
             unit, meaning = METRICS[name]
-            if name == "docked":
+            if name in COUNTED:
                 text = f"{int(self.runs[name].sum())} of {len(self.runs[name])}"
             elif not one.runs:
-                text = "never"
+                text = "in no run" if self.lost.all() else "never"
             else:
-                text = f"{_pm(one)} {unit}"
+                text = f"{one} {unit}"
                 if np.isfinite(one.error):
                     text += f" (mean ± {one.error:.2g})"
             lines.append(f"  {plain(name):<18} {text:<32} {meaning}")
@@ -241,15 +288,16 @@ class Following:
         asked = {one.mission.standoff_m for one in self.cases}
         docks = any(one.mission.task == "dock" for one in self.cases)
         if len(self.cases) == 1 or docks or len(asked) > 1:
-            return ". ".join(one.verdict for one in self.cases)
-        parts = []
+            told, before = [], ""
+            for one in self.cases:
+                again = one.name == before  # a scene is named once
+                told.append(capital(one.verdict.removeprefix(f"{before}: ")) if again else one.verdict)
+                before = one.name
+            return ". ".join(told)
+        parts, several = [], len({one.name for one in self.cases}) > 1
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
             alike = [one for one in self.cases if one.mission.believes == believes]
-            stands = ", ".join(
-                f"{_pm(one.spreads['standoff_at_end'])} m ({one.name}"
-                f"{', through a wall of the tank' if one.through_walls else ''})"
-                for one in alike
-            )
+            stands = ", ".join(one.stands([one.name] * several) for one in alike)
             parts.append(f"who believes {alike[0].believed} stands at {stands}")
         return f"Asked for {asked.pop():g} m: " + "; ".join(parts)
 
@@ -345,13 +393,6 @@ def with_belief(scene: Scene, believes: str) -> Scene:
             otherwise="; or set turbid_factor = 1",
         )  # fmt: skip
     return scene
-
-
-def _pm(one: OverRuns) -> str:
-    if not np.isfinite(one.scatter):
-        return f"{one.mean:.3g}"
-    digits = int(np.clip(2 - np.floor(np.log10(one.scatter)) - 1, 0, 4)) if one.scatter > 0 else 2
-    return f"{one.mean:.{digits}f} ± {one.scatter:.{digits}f}"
 
 
 def _listed(values: Array) -> list[list[float | None]]:

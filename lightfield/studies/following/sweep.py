@@ -21,7 +21,7 @@ from lightfield.storage import inputs
 from lightfield.studies.defaults import RUNS
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.survey import array_of
-from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, OverRuns
+from lightfield.studies.following.metrics import METRICS, OF_DOCKING, OF_FOLLOWING, spreads_of
 from lightfield.studies.following.study import follow, with_belief
 from lightfield.studies.following.truth_and_belief import densest_per_m
 from lightfield.sweep.axes import Axis
@@ -148,8 +148,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: F
         except LightfieldError as error:
             failed[number] = one_line(error)[:240]
             continue
-        for name, values in found.cases[0].runs.items():
-            one = OverRuns.of(values)
+        for name, one in spreads_of(found.cases[0].runs).items():
             for suffix, value in zip(_KEPT, (one.mean, one.error), strict=True):
                 results[name + suffix][i] = value
     files = write_block(block, cases, target.path, target.variables, results)

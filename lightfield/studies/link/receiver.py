@@ -60,10 +60,15 @@ class Receiver:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise UsageError(
-                    "impossible number", where=called, found=value, rule=f"{low:g} to {high:g} {unit}"
+                    "impossible number",
+                    where=called,
+                    found=value,
+                    rule=f"{low:g} to {high:g} {unit}",
+                    remedy="a number in that range",
                 )
         if not 0 < self.ber < 0.5:
-            raise UsageError("impossible number", where="ber", found=self.ber, rule="above 0, below 0.5")
+            raise UsageError("impossible number", where="ber", found=self.ber, rule="above 0, below 0.5",
+                             remedy="1e-6 is usual")  # fmt: skip
 
     def q(self, power_w: Array, eye: Array | float = 1.0) -> Array:
         """Q of received power, W; `eye` is the part of the swing that neighbouring bits leave."""

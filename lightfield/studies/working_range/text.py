@@ -124,7 +124,7 @@ def rows(found: WorkingRange) -> list[list[str]]:
     """Rule, distance with its error where light was traced, and that of the formula, as text."""
     words = rules(found)
     formula = [
-        _near(r.formula_near_m) + _from(r.formula_from_m) + distance_or_none(r.formula_m)
+        _near(r.formula_near_m) + _from(r.formula_from_m, 0.0, r.formula_m, distance_or_none(r.formula_m))
         for r in found.reaches
     ]
     if not found.traced:
@@ -138,7 +138,7 @@ def distance(reach: Reach) -> str:
         return UNTOLD
     far = f"{reach.z_m:.2f}{_pm(reach.stderr_m)} m" if np.isfinite(reach.z_m) else distance_or_none(reach.z_m)
     sure = f" (for sure to {reach.sure_m:.2f} m)" if np.isfinite(reach.sure_m) else ""
-    return _near(reach.near_m) + _from(reach.from_m, reach.from_stderr_m) + far + sure
+    return _near(reach.near_m) + _from(reach.from_m, reach.from_stderr_m, reach.z_m, far) + sure
 
 
 def _pm(stderr: float) -> str:
@@ -151,9 +151,12 @@ def _near(end_m: float) -> str:
     return f"to {end_m:.2f} m, " if np.isfinite(end_m) else ""
 
 
-def _from(near_m: float, stderr_m: float = 0.0) -> str:
-    """Where it begins to hold, if not at once."""
-    return f"{near_m:.2f}{_pm(stderr_m)} m to " if np.isfinite(near_m) else ""
+def _from(near_m: float, stderr_m: float, far_m: float, far: str) -> str:
+    """How far it holds, and where it begins to, if not at once."""
+    if not np.isfinite(near_m):
+        return far
+    begins = f"{near_m:.2f}{_pm(stderr_m)} m"
+    return f"from {begins} on" if np.isinf(far_m) else f"{begins} to {far}"
 
 
 def distance_or_none(value: float) -> str:

@@ -227,8 +227,8 @@ def test_a_finished_sweep_has_nothing_left_to_do(again: Any, uninterrupted: Path
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        (("--seed", "5"), "settings.seed 0 -> 5"),
-        (("--vary", "tank.wall_albedo=0,0.5"), "axes.tank.wall_albedo.*absent -> "),
+        (("--seed", "5"), "settings.seed: there 0, asked for 5"),
+        (("--vary", "tank.wall_albedo=0,0.5"), "varied tank.wall_albedo: there not, asked for "),
     ],
 )
 def test_another_sweep_is_refused(again: Any, uninterrupted: Path, more: tuple[str, ...], says: str) -> None:
@@ -243,7 +243,7 @@ def test_another_version_is_refused(again: Any, uninterrupted: Path, monkeypatch
     monkeypatch.setattr("lightfield.sweep.store.__version__", "9.9")
     code, _, errors = again(uninterrupted)
     assert code == 2
-    assert re.search('software.lightfield .* -> "9.9"', errors)
+    assert re.search('software.lightfield: there .* asked for "9.9"', errors)
 
 
 def test_a_changed_scene_is_refused(again: Any, uninterrupted: Path, tmp_path: Path) -> None:
@@ -251,7 +251,7 @@ def test_a_changed_scene_is_refused(again: Any, uninterrupted: Path, tmp_path: P
     changed.write_text(SCENE.replace("wall_albedo = 0.2", "wall_albedo = 0.3"))
     code, _, errors = again(uninterrupted, scene=changed)
     assert code == 2
-    assert "tank.wall_albedo 0.2 -> 0.3" in errors
+    assert "tank.wall_albedo: there 0.2, asked for 0.3" in errors
 
 
 def test_a_folder_that_is_no_store_is_left_alone(again: Any, tmp_path: Path) -> None:

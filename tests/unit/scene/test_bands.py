@@ -10,16 +10,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from lightfield.errors import SceneError
+import lightfield as lf
+from lightfield import cli
+from lightfield.errors import SceneError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.maps.dataset import to_dataset
 from lightfield.render.at_readings import render_positions
 from lightfield.render.maps import render_scene
+from lightfield.robots.field_file import Asked, field_dataset
 from lightfield.scene import Scene
-from lightfield.scene.bands import over_band, over_bands, refuse_unlit
+from lightfield.scene.bands import over_band, over_bands, refuse_unlit, refuse_unlit_wavelengths
 from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.scene.lamp.spectrum import spectral_power
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+from lightfield.studies.follower.array_light import Space
+from lightfield.studies.follower.survey import survey
 from lightfield.studies.working_range.study import working_range
 
 BAND = (500.0, 550.0)
@@ -153,6 +158,37 @@ def test_a_lamp_that_no_band_sees_is_one_error(bands: list[list[float]], stray: 
     for asked in (refuse_unlit, render_scene, lambda s: working_range(s, None)):
         with pytest.raises(SceneError, match=says):
             asked(scene)
+
+
+def test_a_lamp_that_no_wavelength_sees_is_one_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its bands do: what is asked is told, before anything is traced, and before a folder is made."""
+    lamp = {"spectrum": {"peak_nm": 450.0, "fwhm_nm": 20.0}}
+    scene = Scene.from_dict({"lamp": lamp, "detector": {"bands_nm": [[440, 460]], "planes_m": [2.0]}})
+    says = "no light at these wavelengths; found '900 nm'; rule: the lamp is brightest at 450 nm"
+    with pytest.raises(UsageError, match=f"^wavelengths: the lamp gives {says}"):
+        lf.render(scene, wavelengths=[900.0])
+    file = tmp_path / "scene.toml"
+    file.write_text(scene.to_toml())
+    asked = ["render", str(file), "--wavelengths", "900", "-o", str(tmp_path / "out")]
+    assert cli.main(asked) == 2
+    assert f"--wavelengths: the lamp gives {says}" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    refuse_unlit_wavelengths(scene, np.array([450.0, 900.0]), "")  # one of two, as a control
+
+
+@pytest.mark.parametrize("asked", ["field", "array"])
+def test_who_reads_no_light_is_told_so_by_followers_too(asked: str) -> None:
+    """A grid, or an array, of the light of a lamp that its bands do not see."""
+    lamp = {"spectrum": {"peak_nm": 450.0, "fwhm_nm": 20.0}}
+    detector = {"bands_nm": [[600, 650]], "planes_m": [2.0, 3.0]}
+    scene = Scene.from_dict({"lamp": lamp, "detector": detector, "array": {}})
+    with pytest.raises(SceneError, match="no light in the bands"):
+        if asked == "field":
+            field_dataset(scene, Asked(0.2, 2.0, 3.0, 0.1), photons=0)
+        else:
+            survey(scene, Space.of_scene(scene), photons=0)
 
 
 def test_a_spectrum_without_power_is_told_as_such(tmp_path: Path) -> None:

@@ -60,7 +60,9 @@ def test_the_limits_refuse_nothing_that_is_small(text: str) -> None:
         found = toml.loads(text)
     except ValueError as error:
         found = str(error)
-    refused = any(word in str(found) for word in ("at most", "more than", "columns of a table"))
+    refused = any(
+        word in str(found) for word in ("at most", "more than", "columns of a table", "decimal comma")
+    )
     assert found == expected or refused
 
 
@@ -70,6 +72,14 @@ def test_a_table_taken_for_toml_is_told() -> None:
         toml.loads("# note\nx_m,z_m,value\n0,1,2\n0,2,1\n")
     with pytest.raises(ValueError, match="Unclosed"):
         toml.loads("a = [1, 2\nb = 3, 4\n")
+
+
+@pytest.mark.parametrize("line", ["a = 0,12 # a guess", "b = { peak_nm = -0,12, fwhm_nm = 25 }"])
+def test_a_decimal_comma_is_told(line: str) -> None:
+    """With the number as TOML has it; of a list a comma parts the numbers."""
+    with pytest.raises(ValueError, match=r"0,12 has a decimal comma.*point: -?0\.12 \(at line 2\)$"):
+        toml.loads(f"c = 1\n{line}\n")
+    assert toml.loads("a = [0,12]") == {"a": [0, 12]}
 
 
 @pytest.mark.parametrize(

@@ -66,3 +66,14 @@ def test_what_a_scene_cannot_be_is_settled(plan, tmp_path) -> None:
     assert (first.failed, first.again) == (2, 0) and verify(store).complete
     second = run_sweep(plan, store)
     assert (second.cases_done, second.failed) == (0, 2)
+
+
+def test_a_case_whose_bands_see_no_light_fails(tmp_path) -> None:
+    """The other is evaluated from the trace that both share: maps of zeros are no answer."""
+    lamp = {"spectrum": {"peak_nm": 525.0, "fwhm_nm": 20.0}}
+    axes = [parse_axis("lamp.spectrum.peak_nm=525,900", "--vary")]
+    settings = SweepSettings(max_photons=1e4, rel_error=0.5)
+    store = tmp_path / "s.zarr"
+    done = run_sweep(make_plan(Scene.from_dict({**SCENE, "lamp": lamp}), axes, settings), store)
+    assert done.failed == 1 and status(store) == [1, 2]
+    assert "no light in the bands that are seen" in str(xr.open_zarr(store).message.values[1])

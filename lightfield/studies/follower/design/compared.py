@@ -50,6 +50,8 @@ _TASKS: dict[str, tuple[Sequence[float], Sequence[float], Sequence[float]]] = {
 #: Information of everything, in units of the task, that keeps an array with too few elements from dividing
 #: by zero.
 _RIDGE = 1e-9
+#: An array that is better by A is told to be worse in a coordinate from this ratio of its errors on (chosen).
+_WORSE = 1.05
 
 
 def task_poses(space: Space, lamp: Lamp, task: Task = TASK) -> Array:
@@ -186,13 +188,19 @@ class Arrays:
 
     @property
     def verdict(self) -> str:
-        """One sentence: the best beside the worst."""
+        """One sentence: the best beside the worst, and what it knows worse all the same."""
         best, worst = self.arrays[0], self.arrays[-1]
         about = f"{len(best.elements)} elements ({best.name}) know the pose"
         if not worst.is_told:
             return f"{about} best; of the {len(worst.elements)} of {worst.name} some of it is unknown"
         times = (worst.criterion / best.criterion) ** 0.5
-        return f"{about} {times:.2g} times as well as the {len(worst.elements)} of {worst.name}"
+        told = f"{about} {times:.2g} times as well as the {len(worst.elements)} of {worst.name}"
+        less = [
+            f"{sigma_in_words(name, sigma)} against {_amount(name, worst.sigma[name])}"
+            for name, sigma in best.sigma.items()
+            if sigma > _WORSE * worst.sigma[name]
+        ]
+        return f"{told} by A, yet some of it worse: {', '.join(less)}" if less else told
 
     def as_data(self) -> dict[str, Any]:
         return {"task": self.task, "arrays": [one.as_data() for one in self.arrays]}
@@ -200,6 +208,11 @@ class Arrays:
     def as_text(self) -> str:
         head = f"task: {self.task}; A: mean sum of variances in units of 1 cm across, 10 cm along, 1 degree"
         return "\n".join([head, *(one.as_text() for one in self.arrays)])
+
+
+def _amount(name: str, sigma: float) -> str:
+    """A standard deviation without its coordinate."""
+    return sigma_in_words(name, sigma).removeprefix(f"{name} ")
 
 
 def setting_of(

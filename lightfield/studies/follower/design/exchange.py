@@ -108,6 +108,7 @@ def optimise_array(
             where="elements",
             found=elements,
             rule=f"at least {len(setting.names)}, one for each of {', '.join(setting.names)}",
+            remedy=f"ask for {len(setting.names)} or more",
         )
     best = designed(setting, elements, room, seed)
     arrays = [

@@ -24,7 +24,7 @@ from lightfield.studies.follower.frames import POSE, UNKNOWN_VARIANCE, in_degree
 from lightfield.studies.follower.information import is_told
 from lightfield.studies.follower.pose_search import MOST_TURNED
 from lightfield.studies.follower.survey import array_of
-from lightfield.wording import minus
+from lightfield.wording import capital, minus
 
 #: Random starts that look for rivals of a pose.
 _RIVAL_STARTS = 32
@@ -42,6 +42,10 @@ _ROOM = (
     f" (looked {MARGIN_M:g} m beyond detector.planes_m and the half width, and up to "
     f"{np.degrees(MOST_TURNED):.0f} degrees of yaw and pitch: the follower may be farther)"
 )
+
+
+#: What to do about readings far too bright, or too dim.
+_STATE_GAIN = "state array.gain: what is read for 1 W/m2 of a lamp of 1 W/sr on its axis"
 
 
 class Lost(str, Enum):
@@ -100,6 +104,8 @@ class Poses:
         Light that was believed in: traced, or the formula.
     silent : tuple of str
         Columns that are zero in every line, and without which a reading fits that does not with them.
+    dim : bool
+        All elements read something in every line, and none of it is more than darkness.
     """
 
     scene: Scene
@@ -109,6 +115,7 @@ class Poses:
     tracked: list[Tracked] | None
     traced: bool
     silent: tuple[str, ...] = ()
+    dim: bool = False
 
     @property
     def last_known(self) -> str:
@@ -140,8 +147,13 @@ class Poses:
         return sum(one.ambiguous for one in self.estimates)
 
     @property
-    def dead(self) -> str:
-        """What is to be done about elements that look dead, as a sentence; nothing where none does."""
+    def doubts(self) -> str:
+        """What is to be done about readings that look dead, or too dim, as a sentence, or nothing."""
+        if self.dim:
+            return (
+                "every element reads something throughout, though no more than darkness makes: are these "
+                f"readings in another unit? {capital(_STATE_GAIN)}"
+            )
         if not self.silent:
             return ""
         what, read, them = (
@@ -215,7 +227,7 @@ class Poses:
                 f"{pitch:.2f} deg"
             )
         lines += [str(one) for one in self.losses]
-        lines += [self.dead] if self.silent else []
+        lines += [self.doubts] if self.doubts else []
         lines.append(
             f"{len(self.estimates)} samples, {self.lost} without light, {self.misfits} that do not fit, "
             f"{self.ambiguous} ambiguous"
@@ -272,7 +284,8 @@ def poses_of(
             last = None if found.lost else found.pose
             estimates.append(found)
     silent = _silent(light, estimator, estimates)
-    return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons), silent)
+    dim = all(one.lost for one in estimates) and bool((light > 0).all())
+    return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons), silent, dim)
 
 
 def _silent(readings: Array, estimator: Estimator, estimates: Sequence[PoseEstimate]) -> tuple[str, ...]:
@@ -300,5 +313,5 @@ def _refuse_another_unit(readings: Array, estimator: Estimator, where: str) -> N
             where=where,
             found=f"{most:.3g} 1/m2 (the brightest of a sample, over array.gain)",
             rule=f"up to about {brightest:.3g} 1/m2, at {estimator.space.near_m:g} m",
-            remedy="state array.gain: what is read for 1 W/m2 of a lamp of 1 W/sr on its axis",
+            remedy=_STATE_GAIN,
         )

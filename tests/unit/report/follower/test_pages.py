@@ -8,18 +8,20 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 from lightfield.errors import UsageError
-from lightfield.report.follower.follow_figures import events_in_words
+from lightfield.report.follower.array_figures import comparison_figure, survey_figure
+from lightfield.report.follower.follow_figures import _COLOURS, events_in_words
 from lightfield.report.follower.page import arrays_page, survey_page
 from lightfield.report.follower.pose_figures import sequence_figure
 from lightfield.report.follower.pose_page import _with_trace, poses_page
 from lightfield.report.style import PAPER
-from lightfield.scene import Follower, Scene
+from lightfield.scene import DetectorArray, Follower, Scene
 from lightfield.scene.follower import Mission
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
-from lightfield.studies.follower.design.compared import compare_arrays
+from lightfield.studies.follower.design.compared import JudgedArray, compare_arrays
 from lightfield.studies.follower.design.exchange import Mounting, optimise_array
 from lightfield.studies.follower.elements import elements_of
 from lightfield.studies.follower.estimation.pose import Estimator
@@ -132,3 +134,26 @@ def test_an_error_of_the_trace_is_never_printed_as_none(doubt: float, says: str)
 def test_a_caption_speaks_of_the_bands_that_are_there(mission: dict[str, float], says: str) -> None:
     case = SimpleNamespace(mission=Mission(**mission))
     assert events_in_words([case, case]) == says
+
+
+def test_an_array_without_a_criterion_has_no_point() -> None:
+    """Its A is a ridge, 1e8 and more: the others would be squeezed into a corner."""
+    known = JudgedArray("good", elements_of(DetectorArray(**ROUND)), 12.0, {"x": 0.01}, 0.0)
+    blind = JudgedArray("blind", known.elements, 5e8, {"x": 1e6}, 0.0)
+    below = comparison_figure([known, blind]).axes[-1]
+    assert below.collections[0].get_offsets().tolist() == [[12.0, 0.0]]
+    assert below.get_xlim()[1] < 100 and below.texts[1].get_text() == "some of the pose unknown"
+
+
+def test_nothing_covers_what_is_unknown() -> None:
+    """What the line of docking is says the legend: a label on it lay over "unknown" in the first bars."""
+    bars = survey_figure(survey(SCENE, Space.of_scene(SCENE), photons=0)).axes[1]
+    unknown = [text for text in bars.texts if text.get_text() == "unknown"]
+    assert unknown and all(bars.get_xlim()[0] < text.xy[0] < bars.get_xlim()[1] for text in unknown)
+    assert "what docking allows" not in [text.get_text() for text in bars.texts]
+    assert "what docking allows" in [text.get_text() for text in bars.get_legend().get_texts()]
+
+
+def test_no_belief_is_green() -> None:
+    """What is asked for is."""
+    assert [name for name, colour in _COLOURS.items() if np.argmax(to_rgb(colour)) == 1] == []

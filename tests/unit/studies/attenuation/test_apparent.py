@@ -127,6 +127,19 @@ def test_it_says_why_there_are_too_few_distances(given: dict[str, float], says: 
         attenuation(campaign(**more), SCENE)
 
 
+def test_a_reading_below_zero_is_named() -> None:
+    """Not as a faint one: its place, and what may be wrong; within its errors it is faint."""
+    good = campaign()
+    value = good.value.copy()
+    value[0] = -value[0]
+    (note,) = [n for n in ratios_of(campaign(value=value, stderr=good.stderr), SCENE).notes if n.first]
+    assert note.studied is Studied.NEGATIVE and note.count == 1
+    assert f"z = {good.z_m[0]:g} m" in str(note) and "below zero" in str(note) and "sign" in str(note)
+    value[0] = -2 * good.stderr[0]
+    (note,) = [n for n in ratios_of(campaign(value=value, stderr=good.stderr), SCENE).notes if n.first]
+    assert note.studied is Studied.FAINT
+
+
 def test_a_reading_of_nothing_with_an_error_is_faint() -> None:
     good = campaign()
     value = good.value.copy()

@@ -230,12 +230,16 @@ def test_what_has_no_partner_or_no_light_is_left_out_and_said() -> None:
         next(note for note in found.notes if note.studied is studied)
         for studied in (Studied.NOT_IN_AIR, Studied.FAINT, Studied.GAIN_ASSUMED)
     )
-    assert "1 readings in water have none in air" in str(left)
+    assert "1 readings in water have none in air" in str(left) and "the first at z = 6.5 m, 500 nm" in str(
+        left
+    )
     assert str(faint_pairs).startswith("1 of 14 pairs are fainter")
     assert "plane_gain_percent" in str(gain)
     data = json.loads(json.dumps(as_data(found)))
     assert data["notes"] == [str(note) for note in found.notes]
-    assert {"studied": "faint", "count": 1, "among": 14, "limit": 12.0} in data["remarks"]
+    assert {"studied": "faint", "count": 1, "among": 14, "limit": 12.0, "first": "z = 7.5 m, 600 nm"} in data[
+        "remarks"
+    ]
     assert found.apparent[0].K_per_m == pytest.approx(truth_per_m(), abs=1e-4)
 
 

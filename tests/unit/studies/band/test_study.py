@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from html import unescape
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ def test_signal_is_lamp_times_detector_times_what_the_water_leaves(width: float,
     assert lows[0] == low_nm and lows[-1] + width == 700.0
     signal, paper = between(lows, lows + width), between(500.0, 550.0)
     np.testing.assert_allclose(found.bands.isel(z_m=0).signal, signal / signal.max(), rtol=0.01)
-    share = best(found, 6.0, "signal").paper_share
+    share = best(found, 6.0, "signal").scene_share
     assert share == pytest.approx(paper / signal.max(), rel=0.01)
 
 
@@ -88,13 +89,13 @@ def test_the_papers_band_is_defensible_and_not_the_best(tank) -> None:
     and the best as much lower;
     most signal at 540 to 590 nm, attenuation flat to a quarter between 420 and 580 nm."""
     signal = best(tank, 8.5, "signal")
-    assert signal.paper_share == pytest.approx(0.77, abs=0.02) and 0 < signal.paper_share_stderr < 0.02
+    assert signal.scene_share == pytest.approx(0.77, abs=0.02) and 0 < signal.scene_share_stderr < 0.02
     assert (signal.low_nm, signal.high_nm) == pytest.approx((540.0, 590.0), abs=5.0)
     assert tank.flat_nm() == pytest.approx((420.0, 580.0), abs=5.0)
     clearest = best(tank, 8.5, "attenuation")
-    assert clearest.low_nm <= 500 <= clearest.high_nm and clearest.paper_share > 0.95
+    assert clearest.low_nm <= 500 <= clearest.high_nm and clearest.scene_share > 0.95
     clear = best_band(scene(), False)
-    assert best(clear, 8.5, "signal").paper_share == pytest.approx(0.84, abs=0.015)
+    assert best(clear, 8.5, "signal").scene_share == pytest.approx(0.84, abs=0.015)
 
 
 def test_scattered_light_makes_the_water_look_clearer_than_c(tank) -> None:
@@ -153,7 +154,7 @@ def test_in_harbour_water_light_is_lost_more_slowly_than_a_rule_of_clear_water_s
     harbour = scene(chlorophyll_mg_per_m3=4.0, cdom_440_per_m=0.3, sediment_g_per_m3=2.0)
     found = best_band(harbour, max_photons=1e7, rel_error=1e-3)
     signal = best(found, 8.5, "signal")
-    assert 0.41 < signal.paper_share < 0.52 and 540 <= signal.low_nm <= 550
+    assert 0.41 < signal.scene_share < 0.52 and 540 <= signal.low_nm <= 550
     far = found.spectrum.isel(z_m=-1).sel(wavelength_nm=slice(500, 600))  # where scattering dominates
     at = far.wavelength_nm.values
     rule = absorption_per_m(harbour.water, at) + 0.48 * scattering_per_m(harbour.water, at)
@@ -176,18 +177,18 @@ def test_where_nothing_is_lost_there_is_no_share_of_an_attenuation(monkeypatch) 
 
     monkeypatch.setattr(study, "_transmitted", between_walls)
     found = best_band(scene(), False)
-    assert np.isnan(best(found, 8.5, "attenuation").paper_share)
-    assert as_data(found)["best"][3]["paper_share"] is None
+    assert np.isnan(best(found, 8.5, "attenuation").scene_share)
+    assert as_data(found)["best"][3]["scene_share"] is None
     line = next(line for line in as_text(found).splitlines() if "8.5 m  least attenuation" in line)
     assert line.endswith("has no share to tell") and "No share to tell: where it is least" in as_text(found)
-    assert all(0 <= b.paper_share_stderr < 0.2 for b in found.best if np.isfinite(b.paper_share))
+    assert all(0 <= b.scene_share_stderr < 0.2 for b in found.best if np.isfinite(b.scene_share))
     assert band_page(found).count("No share to tell: ") == 1
 
 
 def test_water_that_takes_nothing_leaves_shares_without_an_error() -> None:
     """K is 0, and so is its error: not the one over the other."""
     found = best_band(Scene.from_dict({"lamp": {"hwhm_deg": 8.0}}), False)
-    assert [b.paper_share_stderr for b in found.best if b.criterion != "attenuation"] == [0.0] * 4
+    assert [b.scene_share_stderr for b in found.best if b.criterion != "attenuation"] == [0.0] * 4
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -202,6 +203,20 @@ def test_sentences_name_the_bands_and_the_distance_that_they_speak_of() -> None:
 def test_what_was_not_traced_has_no_error_of_a_trace() -> None:
     found = best_band(Scene.from_dict({"water": {"base": "pure"}}), traced=False)
     assert "±" not in as_text(found) and "500 to 550 nm has" in as_text(found)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_scenes_own_band_is_what_the_best_is_compared_with() -> None:
+    """Its first: whoever reads 430 to 460 nm does not ask about the tow tank."""
+    ours = Scene.from_dict({**scene().to_dict(), "detector": {"bands_nm": [[430, 460], [600, 620]]}})
+    found = best_band(ours, False, distances_m=[6.0], width_nm=30.0, low_nm=430.0)
+    share = best(found, 6.0, "signal").scene_share
+    assert share == pytest.approx(float(found.bands.signal.isel(z_m=0).sel(low_nm=430.0)), rel=1e-9)
+    told, page = as_text(found), band_page(found)
+    assert "; 430 to 460 nm, the scene's first band, has" in told and "430 to 460 nm has" in told
+    assert "Grey: 430 to 460 nm, the scene's first band." in unescape(page)
+    assert "tow tank" not in told + page and "500 to 550" not in told + page and "430–460 nm has" in page
+    assert as_data(found)["scene_band_nm"] == [430.0, 460.0] and "at 445 nm a = " in told
 
 
 def test_words_data_and_page() -> None:

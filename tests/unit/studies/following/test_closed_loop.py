@@ -147,6 +147,8 @@ def test_followers_that_were_asked_for_different_things_are_told_each_by_itself(
         assert found.verdict.count(words) == 1
     first_two = Following(found.cases[:2])
     assert "where 5 m was asked" in first_two.verdict and "Asked for" not in first_two.verdict
+    home = found.cases[2]
+    assert Following([home, home]).verdict.count("home: a follower") == 1
     assert Following([found.cases[0]] * 2).verdict.startswith("Asked for 6.5 m:")
     page = following_page(found)
     assert "far, near: bluerov2-heavy" in page and "law pid" in page and "home: bluerov2-heavy" in page
@@ -198,6 +200,8 @@ def test_docking_by_its_rule() -> None:
     time, aside, _, speed = found.track.contact.T
     assert (found.runs["docked"] == 1).all() and "docks in 2 of 2 runs" in found.verdict
     assert (aside < 0.1).all() and (speed < 0.1).all() and (time > 8).all()
+    short = run(task="dock", standoff_m=2.6, dock_m=1.5, approach_m_per_s=0.1, duration_s=10.0, **home)
+    assert "not come to the dock yet: 2 of 2 runs were on their way when their 10 s" in short.verdict
     # Who only sees a dark lamp never comes home.
     blind = run(
         task="dock", standoff_m=2.6, dock_m=1.5, dark_from_s=0.0, dark_for_s=99.0, duration_s=5.0, **home

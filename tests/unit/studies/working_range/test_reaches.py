@@ -47,7 +47,7 @@ def test_a_far_stretch_that_is_known_is_told() -> None:
     assert found.formula_near_m == pytest.approx(6.0, abs=1e-3) and found.formula_from_m == found.from_m
     assert found.from_m == pytest.approx(8.2 + 1 / 1.25, abs=0.01) and np.isinf(found.z_m)
     assert found.near_m == pytest.approx(6.0, abs=1e-3)
-    assert distance(found) == "to 6.00 m, 9.00 ± 0.01 m to beyond all told"
+    assert distance(found) == "to 6.00 m, from 9.00 ± 0.01 m on"
     assert docked(found, 10.0, 2.0).startswith("to 6.0 m, ")
 
 
@@ -56,7 +56,7 @@ def test_where_it_begins_to_hold_has_an_error() -> None:
     found = along(LIMIT * np.exp(-0.5 * (Z - 5)), np.full(len(Z), 0.1))
     assert found.from_m == pytest.approx(5.0, abs=1e-3)
     assert found.from_stderr_m == pytest.approx(0.1 / 0.5, rel=0.01)
-    assert distance(found) == "5.00 ± 0.20 m to beyond all told"
+    assert distance(found) == "from 5.00 ± 0.20 m on"
 
 
 def test_what_photons_leave_in_doubt_far_away_is_told_as_far_as_it_is_sure() -> None:

@@ -10,7 +10,9 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.follower.design.compared import (
+    Arrays,
     ArraySetting,
+    JudgedArray,
     compare_arrays,
     judged_array,
     task_poses,
@@ -112,3 +114,18 @@ def test_of_an_array_that_leaves_a_coordinate_unknown_no_criterion_is_told() -> 
     line = judged_array("pair", grid((2, 1), 0.1), SETTING).as_text()
     assert "A  unknown" in line and "yaw unknown" in line
     assert "unknown" not in judged_array("", on_sphere(grid((5, 5), 0.4), 0.32), SETTING).as_text()
+
+
+@pytest.mark.parametrize(
+    ("z_m", "says"),
+    [(0.254, " by A, yet some of it worse: z 254 mm against 184 mm"), (0.186, ""), (0.15, "")],
+)
+def test_what_the_best_array_knows_worse_is_in_the_headline(z_m: float, says: str) -> None:
+    """Better by the sum of the variances, and yet not along the beam; a hundredth is no difference."""
+    sigmas = {"best": {"x": 0.02, "z": z_m, "yaw": 0.01}, "own": {"x": 0.05, "z": 0.184, "yaw": 0.05}}
+    arrays = [
+        JudgedArray(name, grid((2, 1), 0.1), criterion, sigma, 0.0)
+        for (name, sigma), criterion in zip(sigmas.items(), (10.0, 40.0), strict=True)
+    ]
+    told = Arrays(SCENE, arrays, "formation", False).verdict
+    assert told == f"2 elements (best) know the pose 2 times as well as the 2 of own{says}"

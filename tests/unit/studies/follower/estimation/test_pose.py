@@ -10,6 +10,7 @@ import pytest
 from scipy import stats
 
 from lightfield.errors import MeasurementError
+from lightfield.report.follower.pose_page import poses_page
 from lightfield.scene import Follower, Scene
 from lightfield.studies.follower.array_light import ArrayModel, FormulaLight, Space
 from lightfield.studies.follower.array_noise import SensorNoise
@@ -331,6 +332,17 @@ def test_an_element_that_was_not_read_tells_nothing() -> None:
     np.testing.assert_array_equal(found.pose, expected.pose)
     assert found.total is not None and expected.total is not None
     np.testing.assert_array_equal(found.total.covariance, expected.total.covariance)
+
+
+def test_readings_in_another_unit_are_too_bright_or_too_dim(tmp_path: Path) -> None:
+    """Both ask for array.gain; noise about nothing, and a little light, do not."""
+    readings = np.array([noisy(way(t), np.random.default_rng(6)) for t in (0.0, 0.1)])
+    with pytest.raises(MeasurementError, match=r"far brighter.*state array\.gain"):
+        poses_of(written(tmp_path / "bright.csv", 1e6 * readings), SCENE, SPACE, photons=0)
+    dim = poses_of(written(tmp_path / "dim.csv", 1e-9 * np.abs(readings)), SCENE, SPACE, photons=0)
+    assert dim.lost == 2 and "State array.gain" in dim.as_text() and "State array.gain" in poses_page(dim)
+    dark = 1e-12 * np.random.default_rng(6).standard_normal(readings.shape)
+    assert not poses_of(written(tmp_path / "dark.csv", dark), SCENE, SPACE, photons=0).doubts
 
 
 def test_dead_elements_are_left_empty_and_those_that_are_not_are_named(tmp_path: Path) -> None:
