@@ -140,6 +140,11 @@ class FoundEffect(Record):
     with_it: WaterAndBeam
     without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
 
+    @property
+    def is_taken_away(self) -> bool:
+        """Does the scene have it, and the best set not?"""
+        return self.of_scene and all(one.reason is Reason.HELD for one in self.parameters.values())
+
 
 class Unnamed(Record):
     """An effect that is too small to be named, and changes values by more than the errors of the best set; or

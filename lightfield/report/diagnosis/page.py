@@ -16,18 +16,22 @@ from lightfield.diagnosis.verdict.parts import (
     PlaceToRead,
     Rung,
     SetAside,
+    StatedEffect,
     WaterAndBeam,
 )
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words.effects import (
+    as_well,
+    called,
     effect_size,
+    has_no_equal,
     instead,
     means_something,
     short_level,
     why_first,
 )
-from lightfield.diagnosis.verdict.words.stated import stated_lines
+from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
 from lightfield.report.diagnosis.figures import (
@@ -78,12 +82,13 @@ def diagnosis_page(view: DiagnosisView) -> str:
         lead=[*verdict.support, *_lead(verdict)],
         found=[_found(one) for one in verdict.found],
         with_all=_light(verdict.found[0].with_it) if verdict.found else [],
+        has_of_scene=any(one.of_scene for one in verdict.found),
         at_nm=f"{verdict.found[0].with_it.wavelength_nm:.4g}" if verdict.found else "",
         rungs=[_rung(rung) for rung in verdict.ladder],
         falls=len(verdict.ladder) > 1 and not _rises(verdict.ladder),
-        explanations=[_explanation(each) for each in verdict.explanations],
+        explanations=[_explanation(each, verdict.stated) for each in verdict.explanations],
         about_order=why_first(verdict.explanations),
-        rival=_rival(verdict.nearest_rival),
+        rival=_rival(verdict.nearest_rival, verdict.found),
         next_sentence=what_next(verdict.verdict, advice),
         spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],
         limits=[_limit(name, each) for name, each in verdict.detection_limits.items() if each.within_range],
@@ -231,7 +236,7 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     ]
     less = ["–"] * 4 if one.without_it is None else _light(one.without_it)
     return {
-        "effect": plain(one.effect),
+        "effect": called(one),
         "level": short_level(one),
         "kind": "good" if one.level.is_claimed else "open",
         "instead": instead(one) or "–",
@@ -261,7 +266,7 @@ def _rung(rung: Rung) -> list[str]:
     ]
 
 
-def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
+def _explanation(each: AcceptedExplanation, stated: Sequence[StatedEffect]) -> dict[str, str | list[str]]:
     values, amplitudes = [], [path for path in each.parameters if is_amplitude(path)]
     for path, estimate in each.parameters.items():
         if path in amplitudes or not means_something(path, each.parameters):
@@ -273,7 +278,7 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")
     return {
-        "effects": " + ".join(plain(name) for name in each.effects),
+        "effects": " + ".join(named_beside_scene(each, stated)),
         "weight": f"{each.weight:.2f}",
         "error": _optional(each.error_percent),
         "held_out": _optional(each.held_out_percent),
@@ -281,11 +286,13 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     }
 
 
-def _rival(rival: NearestRival | None) -> str:
-    if rival is None:
+def _rival(rival: NearestRival | None, found: Sequence[FoundEffect]) -> str:
+    """How far the nearest other explanation is, which has nothing of what would do as well."""
+    if rival is None or not has_no_equal(found, rival):
         return ""
     names = " + ".join(plain(name) for name in rival.effects)
-    return f"The nearest other explanation, {names}, is {rival.separation_sigma:.1f} sigma away."
+    what = "explanation that has nothing of what would do as well" if as_well(found) else "explanation"
+    return f"The nearest other {what}, {names}, is {rival.separation_sigma:.1f} sigma away."
 
 
 def _limit(name: str, each: DetectionLimit) -> dict[str, str]:

@@ -154,6 +154,20 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
     assert more.headline == f"{against} {headline}" and more.support == (*support, aside)
 
 
+def test_a_rival_is_not_said_to_be_far_where_others_would_do_as_well() -> None:
+    """The table said that a course of the gradient would do as well, the headline that the next is far."""
+    found = [effect("beam_offset", "certain"), effect("water_gradient", "simplest", ["plane_gain"])]
+    best = explanation("beam_offset", "water_gradient")
+    (near,) = words_of(verdict_data("identified", best, nearest_rival=RIVAL, found=found)).support
+    assert near == (
+        "Family: water; instead of water gradient, any course of it (plane gain) would do as well; "
+        "the next rival with none of these, acceptance, is 5.0 sigma away."
+    )
+    same = NearestRival(effects=["beam_offset", "plane_gain"], separation_sigma=1.0)
+    (near,) = words_of(verdict_data("identified", best, nearest_rival=same, found=found)).support
+    assert near.endswith("(plane gain) would do as well.")
+
+
 NO_BEAM = "these readings do not look like a beam through water"
 NO_SLIPS = "readings that no known effect reaches are no slips: they lie together"
 
