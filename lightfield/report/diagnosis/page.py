@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.diagnosis.verdict.next_measurement import what_next
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
@@ -53,6 +54,8 @@ _TAGS = {
     Kind.AMBIGUOUS: ("open", "cannot be told apart"),
     Kind.UNEXPLAINED: ("bad", "unexplained"),
 }
+#: Of these the errors of the readings were taken for larger than the table says.
+_ERRORS_TOO_SMALL = (Warns.SCATTER_MORE, Warns.SCATTER_FAR_MORE)
 #: Names of the figures.
 _DRAWN = ("data", "residuals", "ladder", "tank", "curves", "left", "signatures", "separation")
 #: Sigma and gaps beyond this are one: surely there.
@@ -70,7 +73,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
     view : DiagnosisView
     """
     verdict = view.verdict
-    kind, text = _TAGS[verdict.verdict]
+    kind, text = _tag(verdict)
     advice = verdict.next_measurement
     spots = advice.readings if advice else []
     return fill(
@@ -85,7 +88,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
         has_of_scene=any(one.of_scene for one in verdict.found),
         at_nm=f"{verdict.found[0].with_it.wavelength_nm:.4g}" if verdict.found else "",
         rungs=[_rung(rung) for rung in verdict.ladder],
-        falls=len(verdict.ladder) > 1 and not _rises(verdict.ladder),
+        about_error=_about_error(verdict.ladder),
         explanations=[_explanation(each, verdict.stated) for each in verdict.explanations],
         about_order=why_first(verdict.explanations),
         rival=_rival(verdict.nearest_rival, verdict.found),
@@ -131,7 +134,7 @@ def _figures(view: DiagnosisView, spots: Sequence[PlaceToRead]) -> dict[str, Pag
         )  # fmt: skip
     if view.scan_axis != "z_m" or view.is_scattered:  # a map of points on one line shows nothing more
         told["residuals"] = (
-            "Every reading at its place; red: brighter than the model, blue: darker. Small: left out.",
+            "Every reading at its place; red: brighter than the model, blue: darker. Ringed: set aside.",
             "Residuals by position", place_map if view.is_scattered else residual_map, view,
         )  # fmt: skip
     told["ladder"] = (
@@ -188,10 +191,33 @@ def _aside(each: SetAside) -> list[str]:
     ]
 
 
-def _rises(ladder: Sequence[Rung]) -> bool:
-    """Does the error in per cent grow? It can where the model is dark, while the misfit in sigma falls."""
+def _tag(verdict: Verdict) -> tuple[str, str]:
+    """Colour and words of the badge: nothing is plainly good beside errors that were taken for too small."""
+    kind, text = _TAGS[verdict.verdict]
+    if kind == "good" and any(one.warns in _ERRORS_TOO_SMALL for one in verdict.cautions):
+        return "open", f"{text}, with errors larger than stated"
+    return kind, text
+
+
+def _course(ladder: Sequence[Rung]) -> str | None:
+    """What the error in per cent does, as it is printed: "falls", "rises" or "stays"; None of one rung.
+
+    It can rise where the model is dark, and stay where few readings tell, while the misfit in sigma falls.
+    """
     first, last = ladder[0].error_percent, ladder[-1].error_percent
-    return first is not None and last is not None and last > first
+    if len(ladder) < 2:
+        return None
+    if first is not None and last is not None and _percent(first, 2) == _percent(last, 2):
+        return "stays"
+    return "rises" if first is not None and last is not None and last > first else "falls"
+
+
+def _about_error(ladder: Sequence[Rung]) -> str:
+    """Heading of the ladder."""
+    course = _course(ladder)
+    if course in (None, "falls"):
+        return "The error falls" if course else "The error and the noise floor"
+    return f"The error {course}, chi-square falls"
 
 
 def _left_of_noise(verdict: Verdict) -> float:
@@ -206,12 +232,14 @@ def _lead(verdict: Verdict) -> list[str]:
     ladder, floor = verdict.ladder, verdict.noise_floor_percent
     first, last = ladder[0].error_percent, ladder[-1].error_percent
     lines = []
-    if len(ladder) > 1:
-        verb = "rises, though chi-square falls," if _rises(ladder) else "falls"
-        lines.append(
-            f"The error {verb} from {_optional(first, 2)} % to {_optional(last, 2)} %; "
-            f"the noise floor is {_floor(floor)} %."
-        )
+    if course := _course(ladder):
+        between = f"from {_optional(first, 2)} % to {_optional(last, 2)} %"
+        told = {
+            "falls": f"falls {between}",
+            "rises": f"rises, though chi-square falls, {between}",
+            "stays": f"stays at {_optional(last, 2)} %, though chi-square falls",
+        }
+        lines.append(f"The error {told[course]}; the noise floor is {_floor(floor)} %.")
         lines.append(_FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {_floor(floor)} %.")
