@@ -87,6 +87,9 @@ class WaterAndBeam(Record):
     absorption_per_m: float
     scattering_per_m: float
     attenuation_per_m: float = Field(description="K = a + b")
+    attenuation_stderr_per_m: float | None = Field(
+        None, description="of the best set, where one fitted value alone moves K; of several it is not known"
+    )
     hwhm_deg: float = Field(description="where the beam is half as bright as where it is brightest")
 
 

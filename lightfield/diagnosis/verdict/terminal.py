@@ -118,8 +118,10 @@ def _changes(found: Sequence[FoundEffect]) -> list[str]:
 
 
 def _water_and_beam(what: WaterAndBeam) -> str:
+    stderr = what.attenuation_stderr_per_m
+    error = "" if stderr is None else f" ± {stderr:.2g}"
     return (
         f"a = {what.absorption_per_m:.4g}, b = {what.scattering_per_m:.4g}, "
-        f"K = {what.attenuation_per_m:.4g} 1/m at {what.wavelength_nm:.4g} nm, "
+        f"K = {what.attenuation_per_m:.4g}{error} 1/m at {what.wavelength_nm:.4g} nm, "
         f"hwhm = {what.hwhm_deg:.4g} degrees"
     )

@@ -274,9 +274,11 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
 
 
 def _light(what: WaterAndBeam) -> list[str]:
-    """a, b, K and half width."""
+    """a, b, K, with its error if that is known, and half width."""
     values = (what.absorption_per_m, what.scattering_per_m, what.attenuation_per_m, what.hwhm_deg)
-    return [f"{value:.3g}" for value in values]
+    a, b, attenuation, width = (f"{value:.3g}" for value in values)
+    stderr = what.attenuation_stderr_per_m
+    return [a, b, attenuation if stderr is None else f"{attenuation} ± {stderr:.1g}", width]
 
 
 def _rung(rung: Rung) -> list[str]:
