@@ -19,7 +19,7 @@ from lightfield.fitting import effects
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.section import oval_widths, widest_turn
-from lightfield.wording import capital, plain
+from lightfield.wording import capital, plain, rounded
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of. Chosen: half.
 _SPOKEN = 50.0
@@ -30,6 +30,9 @@ _WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
 #: A lamp of any shape.
 _CURVE = "beam_profile"
 _DETAIL = " detail of the lamp that its curve leaves out"
+#: From this rms change of the logarithm of readings on it is told as a factor, and as none that is beyond
+#: numbers. Chosen: words alone.
+_A_PART, _MOST_LOG = 0.3, 500.0
 #: What may replace an effect, of which so many are told. Chosen: words alone.
 _ALTERNATIVES_TOLD = 3
 
@@ -132,14 +135,19 @@ def _with(names: Sequence[str]) -> str:
 def effect_size(one: FoundEffect) -> str:
     """The parameters of an effect with their errors; of a curve how far it departs."""
     if one.rms_percent is not None:
-        return (
-            f"a curve of {len(one.parameters)} functions, {short(one.rms_percent, 2)} % rms of the readings"
-        )
+        return f"a curve of {len(one.parameters)} functions, {_changed(one.rms_percent / 100)}"
     if one.is_taken_away:
         off = ", ".join(f"{path.rpartition('.')[2]} = {e.value:.4g}" for path, e in one.parameters.items())
         return f"{off} instead of the scene's"
     sizes = ", ".join(f"{path.rpartition('.')[2]} = {exactly(e)}" for path, e in one.parameters.items())
     return f"{sizes}{_as_an_oval(one.parameters)}"
+
+
+def _changed(rms: float) -> str:
+    """What a curve changes in readings, by the rms change of their logarithm: a large one as a factor."""
+    if rms < _A_PART:
+        return f"{short(100 * rms, 2)} % rms of the readings"
+    return f"changing the readings by a factor of {rounded(math.exp(min(rms, _MOST_LOG)))} (rms)"
 
 
 def _as_an_oval(parameters: Mapping[str, Estimate]) -> str:

@@ -20,7 +20,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import means_something, why_first
+from lightfield.diagnosis.verdict.words.effects import effect_size, means_something, why_first
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
@@ -281,6 +281,19 @@ def test_the_width_under_a_curve_is_not_told() -> None:
     assert not means_something(width, [*others, beam])
     assert means_something(width, [*others, power]) and means_something(width, others)
     assert means_something(others[1], [*others, beam])
+
+
+@pytest.mark.parametrize(
+    ("percent", "said"),
+    [
+        (2.34, "a curve of 1 functions, 2.3 % rms of the readings"),
+        (502.4, "a curve of 1 functions, changing the readings by a factor of 150 (rms)"),
+    ],
+)
+def test_a_curve_that_changes_readings_many_times_is_told_as_a_factor(percent: float, said: str) -> None:
+    """The rms change of a logarithm was called "502 % rms of the readings"."""
+    one = effect("beam_profile", "certain").model_copy(update={"rms_percent": percent})
+    assert effect_size(one) == said
 
 
 def test_nought_has_no_sign() -> None:
