@@ -19,7 +19,7 @@ from lightfield.readings.checks import FARTHEST_M
 from lightfield.scene import Scene
 from lightfield.scene.bands import refuse_unlit
 from lightfield.scene.spectral.peaks import LEDS, peaks_of
-from lightfield.scene.tank import Tank
+from lightfield.scene.tank import Tank, walls_m
 from lightfield.scene.water.library import list_presets, preset_name
 from lightfield.storage.files import write_text
 
@@ -32,6 +32,9 @@ _PLANES, _FROM, _TO = 5, 0.25, 0.8
 _OPEN_M = (1.0, 2.0, 3.0, 4.0, 5.0)
 #: From the wall, the part of the room that readings keep away.
 _CLEAR = 0.9
+#: Of so many readings on the first and the last plane two lie below and above the axis, and at most so many
+#: such pairs. Chosen: the beam is told across first of all.
+_POINTS_PER_PAIR, _PAIRS = 5, 2
 #: Questions that only a tank has answers to.
 OF_TANK = ("lamp_depth", "walls", "panes", "surface")
 #: Seed of the order in which places are read: the same tank, the same table.
@@ -314,21 +317,31 @@ def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
 
     What drifts then looks like nothing that depends on the place. Before, between and after them the axis of
     the first plane, again and again: that tells the drift, and how well a place is found again.
+    On the first and the last plane a few lie below and above the axis in place of some beside it: were all at
+    one height, nothing could tell a beam that is no circle, or water in layers.
     """
     reach, digits = np.full(len(planes), _CLEAR * 0.5 * scene.plane_size_m[0]), 3
     if scene.detector.quantity == "radiance":  # a tube along the axis sees the lamp only from near it
         half = radians(0.5 * scene.detector.full_angle_deg)
         reach, digits = np.minimum(reach, _CLEAR * tan(half) * np.asarray(planes)), 4
-    sides = np.linspace(-1.0, 1.0, points) if points > 1 else np.zeros(1)
-    across = [
-        (x, 0.0, z)
-        for z, far in zip(planes, reach, strict=True)
-        for x in (np.round(far * sides, digits) + 0.0).tolist()  # no minus before nothing
-    ]
+    _, (low, high), _ = walls_m(scene.tank)
+    places: list[tuple[float, float, float]] = []
+    for k, (z, far) in enumerate(zip(planes, reach, strict=True)):
+        pairs = min(points // _POINTS_PER_PAIR, _PAIRS) if k in (0, len(planes) - 1) else 0
+        side = np.linspace(-1.0, 1.0, points - 2 * pairs) if points > 1 else np.zeros(1)
+        part = np.arange(1, pairs + 1) / max(pairs, 1)
+        above = np.concatenate([part * max(-far, _CLEAR * low), part * min(far, _CLEAR * high)])
+        places += [(x, 0.0, z) for x in _written(far * side, digits)]
+        places += [(0.0, y, z) for y in _written(above, digits)]
     again = (0.0, 0.0, planes[0])
-    places = np.random.default_rng(_ORDER).permutation(across)
-    rows = [[again, *places[first : first + points]] for first in range(0, len(places), points)]
+    mixed = np.random.default_rng(_ORDER).permutation(places)
+    rows = [[again, *mixed[first : first + points]] for first in range(0, len(mixed), points)]
     return np.array([*(place for some in rows for place in some), again])
+
+
+def _written(metres: Array, digits: int) -> list[float]:
+    """As a person writes them down; no minus before nothing."""
+    return (np.round(metres, digits) + 0.0).tolist()
 
 
 def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:

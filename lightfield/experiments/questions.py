@@ -55,7 +55,7 @@ QUESTIONS = (
     Question("quantity", "What the detector reads", "irradiance, scalar_irradiance, radiance", "irradiance"),
     Question("band", "Wavelengths that it sees, nm", "LOW:HIGH", ""),
     Question("planes", "Distances from the lamp to read at, m", "Z,Z,...", ""),
-    Question("points", "Readings across the beam at each distance", "a whole number, 1 to 201", "11"),
+    Question("points", "Readings at each distance, across the beam", "a whole number, 1 to 201", "11"),
 )
 # fmt: on
 
