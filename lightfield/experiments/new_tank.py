@@ -164,7 +164,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         f'quantity = "{given["quantity"]}"    # irradiance: a flat collector; radiance: a narrow tube',
         *([_TUBE] if given["quantity"] == "radiance" else []),
         f"planes_m = [{', '.join(f'{z:g}' for z in planes)}]    # distances that are rendered",
-        f"bands_nm = [[{band_toml(given)}]]    # wavelengths that are seen",
+        f"bands_nm = [{bands_toml(given)}]    # wavelengths that are seen",
         '# response = { peak_nm = 525, fwhm_nm = 10 }    # a filter; or "silicon", or a table',
         "",
     ]
@@ -285,22 +285,30 @@ def water_lines(answer: str) -> list[str]:
     ]
 
 
-def band_toml(given: Mapping[str, str]) -> str:
-    """The detector's band as TOML: as answered, or all that an LED gives."""
+def bands_toml(given: Mapping[str, str]) -> str:
+    """The detector's bands as TOML: as answered, or all that an LED gives, a band about each of its peaks."""
     if given["band"]:
-        ends = typed_numbers(given["band"], "band", ":")
+        bands = [typed_numbers(one, "band", ":") for one in given["band"].split(",")]
     elif _NAMED.get(given["lamp"], given["lamp"]) in LEDS or "/" in given["lamp"]:
         text = f"[lamp]\nspectrum = {spectrum_toml(given['lamp'])}"
         peaks = peaks_of(Scene.from_toml(text, where="lamp").lamp.spectrum) or ()
-        ends = [
-            5.0 * round(min(p.peak_nm - p.fwhm_nm for p in peaks) / 5.0),
-            5.0 * round(max(p.peak_nm + p.fwhm_nm for p in peaks) / 5.0),
-        ]
+        bands = []
+        for low, high in sorted((p.peak_nm - p.fwhm_nm, p.peak_nm + p.fwhm_nm) for p in peaks):
+            if bands and low < bands[-1][1]:  # light of both is in one band
+                bands[-1][1] = max(bands[-1][1], high)
+            else:
+                bands.append([low, high])
+        bands = [[5.0 * round(end / 5.0) for end in band] for band in bands]
     else:
-        ends = [500.0, 550.0]
-    if len(ends) != 2:
-        raise UsageError("not a band", where="band", found=given["band"], rule="LOW:HIGH in nm")
-    return f"{ends[0]:g}, {ends[1]:g}"
+        bands = [[500.0, 550.0]]
+    if any(len(band) != 2 for band in bands):
+        raise UsageError(
+            "not a band",
+            where="band",
+            found=given["band"],
+            rule="LOW:HIGH in nm, or several: 430:470,500:560",
+        )
+    return ", ".join(f"[{low:g}, {high:g}]" for low, high in bands)
 
 
 def proposed_planes(tank: Tank | None) -> list[float]:
@@ -345,7 +353,8 @@ def _written(metres: Array, digits: int) -> list[float]:
 
 
 def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
-    """Places to read as a table; `blank`: with empty cells for what is read, and how to fill them."""
+    """Places to read as a table; `blank`: with empty cells for what is read in each band, and how to fill
+    them."""
     head = [
         f'# quantity = "{scene.detector.quantity}"',
         '# scale = "relative"    # or "absolute", with units',
@@ -366,9 +375,14 @@ def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
         )
     seen: Counter[tuple[float, ...]] = Counter()
     rows = []
+    # A plan reads every band at every place of itself.
+    colours = [f",{sum(band) / 2:g}" for band in scene.detector.bands_nm] if blank else []
+    colours = colours if len(colours) > 1 else [""]
     for k, place in enumerate(places.tolist()):
         cells = ",,," if blank else f",{SECONDS_PER_READING * k:g}"
-        rows.append(f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]}{cells}")
+        where = f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]}"
+        rows += [f"{where}{colour}{cells}" for colour in colours]
         seen[tuple(place)] += 1
     names = "value,stderr,time_s" if blank else "time_s"
+    names = f"wavelength_nm,{names}" if len(colours) > 1 else names
     return "\n".join([*head, f"medium,x_m,y_m,z_m,repeat,{names}", *rows]) + "\n"

@@ -113,12 +113,41 @@ def test_words_and_spaces_that_people_write_are_understood() -> None:
 def test_a_lamp_of_two_peaks_and_a_tube_are_written_as_they_may_be_changed() -> None:
     made = new_tank({"lamp": "450/20+525/35", "quantity": "radiance"})
     assert [(p.peak_nm, p.fwhm_nm) for p in made.scene.lamp.spectrum] == [(450, 20), (525, 35)]
-    assert made.scene.detector.bands_nm == ((430.0, 560.0),)
+    assert made.scene.detector.bands_nm == ((430.0, 470.0), (490.0, 560.0))
     assert "height = 1.0" in made.scene_text and "full_angle_deg = 2.0" in made.scene_text
     assert "full_angle_deg" not in new_tank({}).scene_text
     rows = [line.split(",") for line in made.layout_text.splitlines() if line.startswith("water")]
     beside = max(abs(float(row[1])) / float(row[3]) for row in rows)
     assert 0.5 * math.tan(math.radians(1.0)) < beside < math.tan(math.radians(1.0))
+
+
+@pytest.mark.parametrize(
+    ("answers", "bands"),
+    [
+        # Three peaks made one band from 430 to 640 nm.
+        ({"lamp": "450/20+525/35+630/15"}, ((430, 470), (490, 560), (615, 645))),
+        ({"lamp": "450/20+480/20"}, ((430, 500),)),
+        ({"lamp": "led-white"}, ((430, 690),)),
+        ({"lamp": "halogen", "band": "440:460,520:560"}, ((440, 460), (520, 560))),
+    ],
+)
+def test_each_peak_has_a_band_and_each_band_a_row(
+    answers: dict[str, str], bands: tuple, tmp_path: Path
+) -> None:
+    made = new_tank(answers)
+    assert made.scene.detector.bands_nm == bands
+    files = made.save(tmp_path)
+    assert len(read_table(files[LAYOUT], made.scene, COLUMNS)) == made.rows * len(bands)
+    filled = re.sub(r",,,$", ",1.5,,", files[READINGS].read_text(encoding="utf-8"), flags=re.MULTILINE)
+    files[READINGS].write_text(filled, encoding="utf-8")
+    readings = read_table(files[READINGS], made.scene)
+    assert len(readings) == made.rows * len(bands)
+    assert set(readings.wavelength_nm) == {(low + high) / 2 for low, high in bands}
+
+
+def test_what_is_no_band_is_refused() -> None:
+    with pytest.raises(UsageError, match="several: 430:470,500:560"):
+        new_tank({"band": "430:470:500"})
 
 
 @pytest.mark.parametrize(
