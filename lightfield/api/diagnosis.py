@@ -15,8 +15,9 @@ from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import expected
 from lightfield.diagnosis import plan as planning
 from lightfield.diagnosis.adequacy.level import ALPHA
-from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA
+from lightfield.diagnosis.search.told_apart import DETECTABLE_SIGMA, SAME_CLASS_SIGMA
 from lightfield.diagnosis.together import together
+from lightfield.diagnosis.verdict.speech import join
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.errors import UsageError
 from lightfield.readings import Readings
@@ -175,7 +176,7 @@ class Plan(Result[planning.LayoutPlan]):
     def headline(self) -> str:
         limits, classes = self.details.limits.values(), self.details.isolability.classes()
         seen = sum(limit.reachable for limit in limits)
-        alike = "; not told apart: " + "; ".join(", ".join(group) for group in classes) if classes else ""
+        alike = "; not told apart: " + "; ".join(map(join, classes)) if classes else ""
         return f"{self.details.readings} readings can show {seen} of {len(limits)} effects{alike}"
 
     def as_text(self) -> str:
@@ -185,11 +186,11 @@ class Plan(Result[planning.LayoutPlan]):
         return planning.as_data(self.details)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """How far the effects are apart, in sigma: row true, column fitted."""
+        """Which effects are not surely told apart, and by how many sigma: row true, column fitted."""
         from lightfield.report.plots import plot_distances
 
         found = self.details.isolability
-        return plot_distances(ax, found.names, found.D, DETECTABLE_SIGMA)
+        return plot_distances(ax, found.names, found.D, found.delta, SAME_CLASS_SIGMA, DETECTABLE_SIGMA)
 
     def to_pandas(self) -> pd.DataFrame:
         """A row per effect: the smallest size that would be found with 95 % probability."""

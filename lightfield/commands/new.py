@@ -21,6 +21,9 @@ from lightfield.experiments.new_tank import (
 from lightfield.experiments.questions import QUESTIONS, Question
 from lightfield.storage.files import output_folder
 
+#: The option that may be given again, as that of an import may.
+_SEVERAL = "band"
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options: one per question."""
@@ -30,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{question.name.replace('_', '-')}",
             metavar=question.name.upper().replace("_", "-"),
+            action="append" if question.name == _SEVERAL else "store",
             help=f"{question.text[0].lower()}{question.text[1:]}: {question.form} ({default})",
         )
     add_option(parser, "--output", required=True, help="folder: scene.toml, layout.csv, readings.csv")
@@ -37,7 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Ask on a terminal where nothing was given, write the three files, say what comes next."""
-    answers = {q.name: value for q in QUESTIONS if (value := getattr(args, q.name)) is not None}
+    given = {q.name: value for q in QUESTIONS if (value := getattr(args, q.name)) is not None}
+    answers = given | ({_SEVERAL: ",".join(given[_SEVERAL])} if _SEVERAL in given else {})
     asking = not answers and sys.stdin.isatty()
     name = args.output.resolve().name
     made = asked(name) if asking else new_tank(answers, name)

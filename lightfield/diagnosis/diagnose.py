@@ -18,7 +18,7 @@ from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.clearer_light import by_clearer_light
 from lightfield.diagnosis.course import Inquiry, course
 from lightfield.diagnosis.other_lamp import by_another_lamp
-from lightfield.diagnosis.problem.setup import source_of, spectral
+from lightfield.diagnosis.problem.setup import source_of, spectral, with_usual_errors
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict import calibration, compose
@@ -299,7 +299,7 @@ def diagnose(
     UsageError
         Unknown effect.
     """
-    readings = readings.check_against(scene)
+    readings = with_usual_errors(readings.check_against(scene))
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
     beyond = beyond_table(scene, readings)

@@ -19,7 +19,7 @@ from lightfield.readings.checks import FARTHEST_M
 from lightfield.scene import Scene
 from lightfield.scene.bands import refuse_unlit
 from lightfield.scene.spectral.peaks import LEDS, peaks_of
-from lightfield.scene.tank import Tank
+from lightfield.scene.tank import Tank, walls_m
 from lightfield.scene.water.library import list_presets, preset_name
 from lightfield.storage.files import write_text
 
@@ -32,6 +32,9 @@ _PLANES, _FROM, _TO = 5, 0.25, 0.8
 _OPEN_M = (1.0, 2.0, 3.0, 4.0, 5.0)
 #: From the wall, the part of the room that readings keep away.
 _CLEAR = 0.9
+#: Of so many readings on the first and the last plane two lie below and above the axis, and at most so many
+#: such pairs. Chosen: the beam is told across first of all.
+_POINTS_PER_PAIR, _PAIRS = 5, 2
 #: Questions that only a tank has answers to.
 OF_TANK = ("lamp_depth", "walls", "panes", "surface")
 #: Seed of the order in which places are read: the same tank, the same table.
@@ -161,7 +164,7 @@ def new_tank(answers: Mapping[str, str], name: str = "my tank") -> NewTank:
         f'quantity = "{given["quantity"]}"    # irradiance: a flat collector; radiance: a narrow tube',
         *([_TUBE] if given["quantity"] == "radiance" else []),
         f"planes_m = [{', '.join(f'{z:g}' for z in planes)}]    # distances that are rendered",
-        f"bands_nm = [[{band_toml(given)}]]    # wavelengths that are seen",
+        f"bands_nm = [{bands_toml(given)}]    # wavelengths that are seen",
         '# response = { peak_nm = 525, fwhm_nm = 10 }    # a filter; or "silicon", or a table',
         "",
     ]
@@ -282,22 +285,30 @@ def water_lines(answer: str) -> list[str]:
     ]
 
 
-def band_toml(given: Mapping[str, str]) -> str:
-    """The detector's band as TOML: as answered, or all that an LED gives."""
+def bands_toml(given: Mapping[str, str]) -> str:
+    """The detector's bands as TOML: as answered, or all that an LED gives, a band about each of its peaks."""
     if given["band"]:
-        ends = typed_numbers(given["band"], "band", ":")
+        bands = [typed_numbers(one, "band", ":") for one in given["band"].split(",")]
     elif _NAMED.get(given["lamp"], given["lamp"]) in LEDS or "/" in given["lamp"]:
         text = f"[lamp]\nspectrum = {spectrum_toml(given['lamp'])}"
         peaks = peaks_of(Scene.from_toml(text, where="lamp").lamp.spectrum) or ()
-        ends = [
-            5.0 * round(min(p.peak_nm - p.fwhm_nm for p in peaks) / 5.0),
-            5.0 * round(max(p.peak_nm + p.fwhm_nm for p in peaks) / 5.0),
-        ]
+        bands = []
+        for low, high in sorted((p.peak_nm - p.fwhm_nm, p.peak_nm + p.fwhm_nm) for p in peaks):
+            if bands and low < bands[-1][1]:  # light of both is in one band
+                bands[-1][1] = max(bands[-1][1], high)
+            else:
+                bands.append([low, high])
+        bands = [[5.0 * round(end / 5.0) for end in band] for band in bands]
     else:
-        ends = [500.0, 550.0]
-    if len(ends) != 2:
-        raise UsageError("not a band", where="band", found=given["band"], rule="LOW:HIGH in nm")
-    return f"{ends[0]:g}, {ends[1]:g}"
+        bands = [[500.0, 550.0]]
+    if any(len(band) != 2 for band in bands):
+        raise UsageError(
+            "not a band",
+            where="band",
+            found=given["band"],
+            rule="LOW:HIGH in nm, or several: 430:470,500:560",
+        )
+    return ", ".join(f"[{low:g}, {high:g}]" for low, high in bands)
 
 
 def proposed_planes(tank: Tank | None) -> list[float]:
@@ -314,25 +325,36 @@ def _places(scene: Scene, planes: Sequence[float], points: int) -> Array:
 
     What drifts then looks like nothing that depends on the place. Before, between and after them the axis of
     the first plane, again and again: that tells the drift, and how well a place is found again.
+    On the first and the last plane a few lie below and above the axis in place of some beside it: were all at
+    one height, nothing could tell a beam that is no circle, or water in layers.
     """
     reach, digits = np.full(len(planes), _CLEAR * 0.5 * scene.plane_size_m[0]), 3
     if scene.detector.quantity == "radiance":  # a tube along the axis sees the lamp only from near it
         half = radians(0.5 * scene.detector.full_angle_deg)
         reach, digits = np.minimum(reach, _CLEAR * tan(half) * np.asarray(planes)), 4
-    sides = np.linspace(-1.0, 1.0, points) if points > 1 else np.zeros(1)
-    across = [
-        (x, 0.0, z)
-        for z, far in zip(planes, reach, strict=True)
-        for x in (np.round(far * sides, digits) + 0.0).tolist()  # no minus before nothing
-    ]
+    _, (low, high), _ = walls_m(scene.tank)
+    places: list[tuple[float, float, float]] = []
+    for k, (z, far) in enumerate(zip(planes, reach, strict=True)):
+        pairs = min(points // _POINTS_PER_PAIR, _PAIRS) if k in (0, len(planes) - 1) else 0
+        side = np.linspace(-1.0, 1.0, points - 2 * pairs) if points > 1 else np.zeros(1)
+        part = np.arange(1, pairs + 1) / max(pairs, 1)
+        above = np.concatenate([part * max(-far, _CLEAR * low), part * min(far, _CLEAR * high)])
+        places += [(x, 0.0, z) for x in _written(far * side, digits)]
+        places += [(0.0, y, z) for y in _written(above, digits)]
     again = (0.0, 0.0, planes[0])
-    places = np.random.default_rng(_ORDER).permutation(across)
-    rows = [[again, *places[first : first + points]] for first in range(0, len(places), points)]
+    mixed = np.random.default_rng(_ORDER).permutation(places)
+    rows = [[again, *mixed[first : first + points]] for first in range(0, len(mixed), points)]
     return np.array([*(place for some in rows for place in some), again])
 
 
+def _written(metres: Array, digits: int) -> list[float]:
+    """As a person writes them down; no minus before nothing."""
+    return (np.round(metres, digits) + 0.0).tolist()
+
+
 def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
-    """Places to read as a table; `blank`: with empty cells for what is read, and how to fill them."""
+    """Places to read as a table; `blank`: with empty cells for what is read in each band, and how to fill
+    them."""
     head = [
         f'# quantity = "{scene.detector.quantity}"',
         '# scale = "relative"    # or "absolute", with units',
@@ -353,9 +375,14 @@ def table_text(scene: Scene, places: Array, *, blank: bool = False) -> str:
         )
     seen: Counter[tuple[float, ...]] = Counter()
     rows = []
+    # A plan reads every band at every place of itself.
+    colours = [f",{sum(band) / 2:g}" for band in scene.detector.bands_nm] if blank else []
+    colours = colours if len(colours) > 1 else [""]
     for k, place in enumerate(places.tolist()):
         cells = ",,," if blank else f",{SECONDS_PER_READING * k:g}"
-        rows.append(f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]}{cells}")
+        where = f"water,{','.join(f'{v:g}' for v in place)},{seen[tuple(place)]}"
+        rows += [f"{where}{colour}{cells}" for colour in colours]
         seen[tuple(place)] += 1
     names = "value,stderr,time_s" if blank else "time_s"
+    names = f"wavelength_nm,{names}" if len(colours) > 1 else names
     return "\n".join([*head, f"medium,x_m,y_m,z_m,repeat,{names}", *rows]) + "\n"

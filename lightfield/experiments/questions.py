@@ -53,9 +53,9 @@ QUESTIONS = (
     Question("power", "Light of the lamp, W (not the electrical power)", "a number", "10"),
     Question("water", "Water", "A,B: absorption and scattering in 1/m, pure, or a preset", "0.1,0"),
     Question("quantity", "What the detector reads", "irradiance, scalar_irradiance, radiance", "irradiance"),
-    Question("band", "Wavelengths that it sees, nm", "LOW:HIGH", ""),
+    Question("band", "Wavelengths that it sees, nm", "LOW:HIGH, or several with commas between", ""),
     Question("planes", "Distances from the lamp to read at, m", "Z,Z,...", ""),
-    Question("points", "Readings across the beam at each distance", "a whole number, 1 to 201", "11"),
+    Question("points", "Readings at each distance, across the beam", "a whole number, 1 to 201", "11"),
 )
 # fmt: on
 

@@ -8,7 +8,8 @@ from functools import partial
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.verdict import Verdict
-from lightfield.diagnosis.verdict.words.effects import effect_size, level
+from lightfield.diagnosis.verdict.words.effects import as_well, called, effect_size, level
+from lightfield.diagnosis.verdict.words.stated import named_beside_scene
 from lightfield.explorer.beside import Tell
 from lightfield.explorer.experiment import all_lit, explored
 from lightfield.progress import heard_by
@@ -64,7 +65,7 @@ def verdict_data(v: Verdict) -> dict[str, object]:
     explanations = [
         {
             "keys": _keys(one.effects, one.forms),
-            "label": _named(one.effects) or "nothing is missing",
+            "label": " + ".join(named_beside_scene(one, v.stated)) or "nothing is missing",
             "values": {path: estimate.value for path, estimate in one.parameters.items()},
             "error_percent": one.error_percent,
             "chi2_per_dof": one.chi2_per_dof,
@@ -84,7 +85,7 @@ def verdict_data(v: Verdict) -> dict[str, object]:
                 "weight": None,
             }
         ]
-    rival = v.nearest_rival
+    rival = None if as_well(v.found) else v.nearest_rival  # else each effect says what would do as well
     return {
         "kind": v.verdict,
         "headline": v.headline,
@@ -93,7 +94,7 @@ def verdict_data(v: Verdict) -> dict[str, object]:
         "explanations": explanations,
         "found": [
             {
-                "name": _named([one.effect]),
+                "name": called(one),
                 "level": one.level,
                 "words": level(one),
                 "size": effect_size(one),

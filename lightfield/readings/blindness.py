@@ -14,6 +14,9 @@ from lightfield.readings.unchecked import Unchecked
 _BRIGHTEST = 10
 #: Amplitude and attenuation take two of them, a third effect of distance leaves nothing to check.
 _FEWEST_PLANES = 4
+#: Standard errors of bright readings below this part of them are no instrument's. Chosen: a hundredth of what
+#: the steadiest lamps and the best of radiometers repeat.
+_LEAST_ERROR = 1e-5
 #: So many readings that are exactly 0 are no chance. Chosen: one may be a place in the dark, or a slip.
 _ZEROS = 3
 
@@ -64,8 +67,12 @@ def _of_errors(readings: Unchecked) -> list[LoadWarning]:
     known = np.flatnonzero(np.isfinite(readings.stderr) & np.isfinite(readings.value))
     size = np.abs(readings.value[known])
     brightest = known[np.argsort(size)[-max(1, len(known) // _BRIGHTEST) :]]
-    large = readings.stderr[brightest] > np.abs(readings.value[brightest])
-    return [LoadWarning(Remarks.LARGE_ERRORS)] if len(known) and large.all() else []
+    stderr, value = readings.stderr[brightest], np.abs(readings.value[brightest])
+    if len(known) and (stderr > value).all():
+        return [LoadWarning(Remarks.LARGE_ERRORS)]
+    if len(known) and (stderr < _LEAST_ERROR * value).all():
+        return [LoadWarning(Remarks.TINY_ERRORS, {"part": float((stderr / value).max())})]
+    return []
 
 
 def _of_zeros(readings: Unchecked) -> list[LoadWarning]:

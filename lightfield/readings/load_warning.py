@@ -22,6 +22,7 @@ class Remarks(str, Enum):
     FAST_TIMES = "fast_times"
     SLOW_TIMES = "slow_times"
     LARGE_ERRORS = "large_errors"
+    TINY_ERRORS = "tiny_errors"
     EXACT_ZEROS = "exact_zeros"
     FEW_PLANES = "few_planes"
     ON_AXIS_ONLY = "on_axis_only"
@@ -183,6 +184,11 @@ _WORDS: dict[Remarks, tuple[_Words, _Words]] = {
     Remarks.LARGE_ERRORS: (
         "the standard errors are larger than the brightest readings: value and stderr look exchanged",
         "exchange them, or state errors in the unit of the readings",
+    ),
+    Remarks.TINY_ERRORS: (
+        "the standard errors are at most {part:.1g} of the brightest readings, less than those of any "
+        "instrument: they look like another unit, and a diagnosis goes by errors that it assumes",
+        "state them in the unit of the readings, or leave them blank",
     ),
     Remarks.EXACT_ZEROS: (
         "{zeros} of {readings} readings are exactly 0, where noise would scatter: the instrument reads "

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from matplotlib import pyplot
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 
 from lightfield.arrays import Array, evenly
 from lightfield.diagnosis.verdict.parts import Rung
@@ -85,26 +86,47 @@ def plot_ladder(ax: Axes | None, ladder: Sequence[Rung], noise_floor_percent: fl
     return ax
 
 
-def plot_distances(ax: Axes | None, names: Sequence[str], sigma: Array, sure: float) -> Axes:
-    """Distances between effects, shape (n, n), in sigma."""
+def plot_distances(
+    ax: Axes | None, names: Sequence[str], sigma: Array, seen: Array, same: float, sure: float
+) -> Axes:
+    """Pairs of effects that are not surely told apart, with their distance; all others are left blank.
+
+    Parameters
+    ----------
+    sigma : array, shape (n, n)
+        [j, k]: distance of effect j from the nearest readings that k can produce.
+    seen : array, shape (n,)
+        Distance of each from the base model, in sigma.
+    same, sure : float
+        Below the first two effects look alike; from the second on they are surely apart, and seen.
+    """
     ax = axes_for(ax)
     n = len(names)
-    shown = np.where(np.eye(n, dtype=bool), np.nan, sigma)
-    image = ax.imshow(shown, aspect="auto", cmap="cividis", vmin=0, vmax=3 * sure)
-    # Where cells are narrow, as on a telephone, only those that look alike have a number.
     narrow = ax.get_window_extent().width / ax.figure.dpi < _CELL_IN * n
-    for (j, k), value in np.ndenumerate(shown):
-        if np.isfinite(value) and not (narrow and value >= 9.5):
-            ink = "white" if value < 1.5 * sure else "black"
-            ax.text(
-                k, j, f"{value:.0f}" if value < 99 else ">99", ha="center", va="center", color=ink, fontsize=7
-            )
+    size = 6 if narrow else 8
+    there = np.asarray(seen) >= sure
+    for (j, k), value in np.ndenumerate(sigma):
+        if j == k or not there[j]:
+            shade, alpha = GRID, 1.0 if j == k else 0.5
+        elif value < sure:
+            shade, alpha = (FORMULA, 0.75) if value < same else (SERIES[4], 0.45)
+            number = f"{value:.0f}" if narrow else f"{value:.1f}"
+            ax.text(k, j, number, ha="center", va="center", fontsize=7)
+        else:
+            continue
+        ax.add_patch(Rectangle((k - 0.5, j - 0.5), 1, 1, facecolor=shade, alpha=alpha, linewidth=0))
+    ax.set_xlim(-0.5, n - 0.5)
+    ax.set_ylim(n - 0.5, -0.5)
     words = [plain(name) for name in names]
-    ax.set_xticks(range(n), words, rotation=60, ha="right", rotation_mode="anchor", fontsize=8)
-    ax.set_yticks(range(n), words, fontsize=8)
+    rows = [word if one else f"{word} (not seen)" for word, one in zip(words, there, strict=True)]
+    ax.set_xticks(range(n), words, rotation=60, ha="right", rotation_mode="anchor", fontsize=size)
+    ax.set_yticks(range(n), rows, fontsize=size)
+    ax.set_xticks(np.arange(n + 1) - 0.5, minor=True)
+    ax.set_yticks(np.arange(n + 1) - 0.5, minor=True)
     ax.grid(False)
-    ax.figure.colorbar(image, ax=ax, extend="max", label="σ")
-    label(ax, "imitated by (10 σ and more: no number)" if narrow else "imitated by", "true", "")
+    ax.grid(True, which="minor", color=GRID, linewidth=0.6)
+    ax.tick_params(which="both", length=0)
+    label(ax, f"imitated by\n(σ apart, where below {sure:.1f}; dark: below {same:g})", "true")
     return ax
 
 

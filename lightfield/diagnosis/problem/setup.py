@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from lightfield.fitting.reader import READOUT
 from lightfield.formula.readout import ambient
 from lightfield.readings import Readings
 from lightfield.readings.columns import PLACE_DECIMALS, WAVELENGTH_DECIMALS
+from lightfield.readings.load_warning import Remarks
 from lightfield.render.diffuse.source import cells_for, response_for
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
@@ -102,7 +104,7 @@ def budget_of(readings: Readings) -> Budget:
     calibration = calibration_of(readings)
     if calibration is not None and stated.calibration_percent is None:
         assumed.append(Assumed(Term.CALIBRATION, _CALIBRATION_PERCENT))
-    if not errors_stated(np.asarray(readings.stderr, float)):
+    if not errors_stated(np.asarray(readings.stderr, float)) or not errors_believed(readings):
         assumed.append(Assumed(Term.STDERR, 100 * ASSUMED_RELATIVE, floor_percent=100 * ASSUMED_FLOOR))
     return Budget(
         (PLANE_GAIN_PERCENT if gain is None else gain) / 100,
@@ -113,6 +115,24 @@ def budget_of(readings: Readings) -> Budget:
         slips / 100,
         calibration,
     )
+
+
+def errors_believed(readings: Readings) -> bool:
+    """Could the standard errors of a table, where it has some, be those of an instrument?"""
+    return all(one.code is not Remarks.TINY_ERRORS for one in readings.warnings)
+
+
+def with_usual_errors(readings: Readings) -> Readings:
+    """The same; errors that are not believed are those that are assumed where a table has none.
+
+    Beside errors that are thousands of times too small every grain of noise asks for an effect, and a search
+    finds no end. Assumed ones serve readings without noise as well.
+    """
+    if errors_believed(readings):
+        return readings
+    size = np.abs(readings.value)
+    floor = ASSUMED_FLOOR * size[~readings.saturated].max(initial=0.0)
+    return replace(readings, stderr=np.hypot(ASSUMED_RELATIVE * size, floor))
 
 
 def calibration_of(readings: Readings) -> float | None:

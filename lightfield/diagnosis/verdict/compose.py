@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lightfield.arrays import finite
+from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
@@ -229,7 +230,7 @@ def _how_judged(basis: VerdictBasis) -> verdict_data.HowJudged:
         base_p=first.p,
         within_tolerance=finding.level.tolerance > 0,
         tolerance_percent=100 * prepared.noise.budget.tolerance,
-        errors_stated=prepared.errors_stated,
+        errors_stated=prepared.errors_stated and errors_believed(basis.readings),
         errors_on_trust=first.scale_taken,
         determined=finding.determined,
         variance_scale=variance_scale(prepared, finding),

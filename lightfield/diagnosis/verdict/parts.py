@@ -87,6 +87,9 @@ class WaterAndBeam(Record):
     absorption_per_m: float
     scattering_per_m: float
     attenuation_per_m: float = Field(description="K = a + b")
+    attenuation_stderr_per_m: float | None = Field(
+        None, description="of the best set, where one fitted value alone moves K; of several it is not known"
+    )
     hwhm_deg: float = Field(description="where the beam is half as bright as where it is brightest")
 
 
@@ -139,6 +142,11 @@ class FoundEffect(Record):
     )
     with_it: WaterAndBeam
     without_it: WaterAndBeam | None = Field(None, description="refitted without this effect")
+
+    @property
+    def is_taken_away(self) -> bool:
+        """Does the scene have it, and the best set not?"""
+        return self.of_scene and all(one.reason is Reason.HELD for one in self.parameters.values())
 
 
 class Unnamed(Record):

@@ -10,7 +10,7 @@ from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
 from lightfield.diagnosis.verdict.words.effects import effect_size, level, means_something, why_first
-from lightfield.diagnosis.verdict.words.stated import stated_lines
+from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.parameter import is_gain
 from lightfield.wording import plain
 
@@ -41,8 +41,8 @@ def as_text(verdict: Verdict) -> str:
     if verdict.verdict == Kind.NONE and verdict.ladder:
         lines.append(f"fitted: {_values(verdict.ladder[-1].parameters)}")
     for explanation in verdict.explanations[:_SHOWN]:
-        values = _values(explanation.parameters)
-        lines.append(f"{join(explanation.effects)} (weight {explanation.weight:.2f}): {values}")
+        names, values = named_beside_scene(explanation, verdict.stated), _values(explanation.parameters)
+        lines.append(f"{join(names)} (weight {explanation.weight:.2f}): {values}")
     if about_order := why_first(verdict.explanations[:_SHOWN]):
         lines.append(about_order)
     if verdict.next_measurement:
@@ -97,8 +97,14 @@ def _found(found: Sequence[FoundEffect]) -> list[str]:
         sigma = "-" if one.sigma_to_remove is None else f"{one.sigma_to_remove:.1f}"
         gap = "-" if one.gap is None else f"{one.gap:.1f}"
         about = f"{level(one)}; {effect_size(one)}"
-        out.append(f"{one.effect:<18}{sigma:>8}{gap:>9}{one.weight:>8.2f}  {about}")
+        out.append(f"{_row(one):<18}{sigma:>8}{gap:>9}{one.weight:>8.2f}  {about}")
     return [*out, *_changes(found)]
+
+
+def _row(one: FoundEffect) -> str:
+    """The name of an effect, signed as in the ladder where the scene has it."""
+    sign = "" if not one.of_scene else "- " if one.is_taken_away else "~ "
+    return f"{sign}{one.effect}"
 
 
 def _changes(found: Sequence[FoundEffect]) -> list[str]:
@@ -106,13 +112,16 @@ def _changes(found: Sequence[FoundEffect]) -> list[str]:
     out = [f"with all: {_water_and_beam(found[0].with_it)}"]
     for one in found:
         if one.without_it is not None:
-            out.append(f"without {plain(one.effect)}: {_water_and_beam(one.without_it)}")
+            less = f"with the scene's {plain(one.effect)}" if one.of_scene else f"without {plain(one.effect)}"
+            out.append(f"{less}: {_water_and_beam(one.without_it)}")
     return out
 
 
 def _water_and_beam(what: WaterAndBeam) -> str:
+    stderr = what.attenuation_stderr_per_m
+    error = "" if stderr is None else f" ± {stderr:.2g}"
     return (
         f"a = {what.absorption_per_m:.4g}, b = {what.scattering_per_m:.4g}, "
-        f"K = {what.attenuation_per_m:.4g} 1/m at {what.wavelength_nm:.4g} nm, "
+        f"K = {what.attenuation_per_m:.4g}{error} 1/m at {what.wavelength_nm:.4g} nm, "
         f"hwhm = {what.hwhm_deg:.4g} degrees"
     )

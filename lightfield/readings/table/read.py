@@ -36,6 +36,8 @@ from lightfield.storage.inputs import MOST_ROWS, READINGS
 if TYPE_CHECKING:
     from lightfield.scene import Scene
 
+#: A line of the head with a number as it is written where the decimal mark is a comma.
+_WITH_COMMA = re.compile(r"^(\s*\w+\s*=\s*[+-]?\d+),(\d+(?:[eE][+-]?\d+)?)(\s*(?:#.*)?)$", re.ASCII)
 _TRUE, _FALSE = ("1", "true", "yes"), ("0", "false", "no")
 
 
@@ -71,7 +73,7 @@ def table_of_text(
     if "value" in required:
         _refuse_other_files(sheet, problems)
     _refuse_places_by_another_name(sheet, problems)
-    head = _read_head(sheet.head, problems)
+    head = _read_head(_with_points(sheet), problems)
     _settle_words(sheet, head, problems)
     columns, extra, lines = _read_columns(sheet, problems)
     budget = ErrorBudget(**{name: head.pop(name) for name in TERMS if name in head})
@@ -145,6 +147,14 @@ def _in_every_band(places: Readings, scene: Scene) -> Readings:
     return replace(every, wavelength_nm=np.tile(centres, len(places)))
 
 
+def _with_points(sheet: Sheet) -> list[tuple[int, str]]:
+    """Lines of the head, where a comma is the decimal mark if it is that of the columns: one program wrote
+    both."""
+    if sheet.mark != ",":
+        return sheet.head
+    return [(k, _WITH_COMMA.sub(r"\1.\2\3", line)) for k, line in sheet.head]
+
+
 def _read_head(head: list[tuple[int, str]], problems: Problems) -> dict[str, Any]:
     try:
         found = toml.loads("\n".join(line for _, line in head))
@@ -183,8 +193,13 @@ def _head_remedy(line: str) -> str:
     """What to do about a line of the head that is not TOML."""
     if bare := re.fullmatch(r"\s*(\w+)\s*=\s*([^\W\d][^\"'#]*?)\s*(#.*)?", line):
         return f'put text in quotes: # {bare[1]} = "{bare[2]}"'
+<<<<<<< HEAD
     if re.search(r"=\s*[+-]?\d+,\d", line):
         return "write its numbers with a point, whatever the cells have"
+=======
+    if comma := _WITH_COMMA.fullmatch(line):
+        return f"write numbers with a point, as in the columns: # {comma[1].strip()}.{comma[2]}"
+>>>>>>> fixC
     return "begin free comments with ##"
 
 

@@ -156,17 +156,18 @@ def misfit_dots(
     y: Array,
     rows: NDArray[np.intp] | slice = slice(None),
 ) -> PathCollection:
-    """Readings at their places, coloured by what a model leaves of them; those left out are small.
+    """Readings at their places, coloured by what a model leaves of them; those left out are large and ringed.
 
     The colours reach as far as the base model's misfit.
     """
-    readings = view.readings
+    out = view.readings.left_out[rows]
     most = max(_largest_misfit(view), _NOISE_SIGMA)
     over = most > FAR_SIGMA
     norm = SymLogNorm(_NOISE_SIGMA, vmin=-most, vmax=most) if over else Normalize(-most, most)
     return axis.scatter(
         x, y, c=view.residual_sigma(step)[rows], cmap=_RED_BLUE, norm=norm,
-        s=np.where(readings.left_out[rows], 8, 34), edgecolors=MUTED, linewidths=0.4,
+        s=np.where(out, 70, 34),
+        edgecolors=[DATA if one else MUTED for one in out], linewidths=np.where(out, 1.8, 0.4).tolist(),
     )  # fmt: skip
 
 

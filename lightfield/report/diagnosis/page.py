@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.diagnosis.verdict.next_measurement import what_next
 from lightfield.diagnosis.verdict.parts import (
     AcceptedExplanation,
@@ -16,18 +17,22 @@ from lightfield.diagnosis.verdict.parts import (
     PlaceToRead,
     Rung,
     SetAside,
+    StatedEffect,
     WaterAndBeam,
 )
 from lightfield.diagnosis.verdict.speech import exactly, in_unit
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words.effects import (
+    as_well,
+    called,
     effect_size,
+    has_no_equal,
     instead,
     means_something,
     short_level,
     why_first,
 )
-from lightfield.diagnosis.verdict.words.stated import stated_lines
+from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
 from lightfield.report.diagnosis.figures import (
@@ -49,6 +54,8 @@ _TAGS = {
     Kind.AMBIGUOUS: ("open", "cannot be told apart"),
     Kind.UNEXPLAINED: ("bad", "unexplained"),
 }
+#: Of these the errors of the readings were taken for larger than the table says.
+_ERRORS_TOO_SMALL = (Warns.SCATTER_MORE, Warns.SCATTER_FAR_MORE)
 #: Names of the figures.
 _DRAWN = ("data", "residuals", "ladder", "tank", "curves", "left", "signatures", "separation")
 #: Sigma and gaps beyond this are one: surely there.
@@ -66,7 +73,7 @@ def diagnosis_page(view: DiagnosisView) -> str:
     view : DiagnosisView
     """
     verdict = view.verdict
-    kind, text = _TAGS[verdict.verdict]
+    kind, text = _tag(verdict)
     advice = verdict.next_measurement
     spots = advice.readings if advice else []
     return fill(
@@ -78,12 +85,13 @@ def diagnosis_page(view: DiagnosisView) -> str:
         lead=[*verdict.support, *_lead(verdict)],
         found=[_found(one) for one in verdict.found],
         with_all=_light(verdict.found[0].with_it) if verdict.found else [],
+        has_of_scene=any(one.of_scene for one in verdict.found),
         at_nm=f"{verdict.found[0].with_it.wavelength_nm:.4g}" if verdict.found else "",
         rungs=[_rung(rung) for rung in verdict.ladder],
-        falls=len(verdict.ladder) > 1 and not _rises(verdict.ladder),
-        explanations=[_explanation(each) for each in verdict.explanations],
+        about_error=_about_error(verdict.ladder),
+        explanations=[_explanation(each, verdict.stated) for each in verdict.explanations],
         about_order=why_first(verdict.explanations),
-        rival=_rival(verdict.nearest_rival),
+        rival=_rival(verdict.nearest_rival, verdict.found),
         next_sentence=what_next(verdict.verdict, advice),
         spots=[[f"{s.x_m:g}", f"{s.y_m:g}", f"{s.z_m:g}", s.medium, s.repeats] for s in spots],
         limits=[_limit(name, each) for name, each in verdict.detection_limits.items() if each.within_range],
@@ -126,7 +134,7 @@ def _figures(view: DiagnosisView, spots: Sequence[PlaceToRead]) -> dict[str, Pag
         )  # fmt: skip
     if view.scan_axis != "z_m" or view.is_scattered:  # a map of points on one line shows nothing more
         told["residuals"] = (
-            "Every reading at its place; red: brighter than the model, blue: darker. Small: left out.",
+            "Every reading at its place; red: brighter than the model, blue: darker. Ringed: set aside.",
             "Residuals by position", place_map if view.is_scattered else residual_map, view,
         )  # fmt: skip
     told["ladder"] = (
@@ -183,10 +191,33 @@ def _aside(each: SetAside) -> list[str]:
     ]
 
 
-def _rises(ladder: Sequence[Rung]) -> bool:
-    """Does the error in per cent grow? It can where the model is dark, while the misfit in sigma falls."""
+def _tag(verdict: Verdict) -> tuple[str, str]:
+    """Colour and words of the badge: nothing is plainly good beside errors that were taken for too small."""
+    kind, text = _TAGS[verdict.verdict]
+    if kind == "good" and any(one.warns in _ERRORS_TOO_SMALL for one in verdict.cautions):
+        return "open", f"{text}, with errors larger than stated"
+    return kind, text
+
+
+def _course(ladder: Sequence[Rung]) -> str | None:
+    """What the error in per cent does, as it is printed: "falls", "rises" or "stays"; None of one rung.
+
+    It can rise where the model is dark, and stay where few readings tell, while the misfit in sigma falls.
+    """
     first, last = ladder[0].error_percent, ladder[-1].error_percent
-    return first is not None and last is not None and last > first
+    if len(ladder) < 2:
+        return None
+    if first is not None and last is not None and _percent(first, 2) == _percent(last, 2):
+        return "stays"
+    return "rises" if first is not None and last is not None and last > first else "falls"
+
+
+def _about_error(ladder: Sequence[Rung]) -> str:
+    """Heading of the ladder."""
+    course = _course(ladder)
+    if course in (None, "falls"):
+        return "The error falls" if course else "The error and the noise floor"
+    return f"The error {course}, chi-square falls"
 
 
 def _left_of_noise(verdict: Verdict) -> float:
@@ -201,12 +232,14 @@ def _lead(verdict: Verdict) -> list[str]:
     ladder, floor = verdict.ladder, verdict.noise_floor_percent
     first, last = ladder[0].error_percent, ladder[-1].error_percent
     lines = []
-    if len(ladder) > 1:
-        verb = "rises, though chi-square falls," if _rises(ladder) else "falls"
-        lines.append(
-            f"The error {verb} from {_optional(first, 2)} % to {_optional(last, 2)} %; "
-            f"the noise floor is {_floor(floor)} %."
-        )
+    if course := _course(ladder):
+        between = f"from {_optional(first, 2)} % to {_optional(last, 2)} %"
+        told = {
+            "falls": f"falls {between}",
+            "rises": f"rises, though chi-square falls, {between}",
+            "stays": f"stays at {_optional(last, 2)} %, though chi-square falls",
+        }
+        lines.append(f"The error {told[course]}; the noise floor is {_floor(floor)} %.")
         lines.append(_FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {_floor(floor)} %.")
@@ -231,7 +264,7 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
     ]
     less = ["–"] * 4 if one.without_it is None else _light(one.without_it)
     return {
-        "effect": plain(one.effect),
+        "effect": called(one),
         "level": short_level(one),
         "kind": "good" if one.level.is_claimed else "open",
         "instead": instead(one) or "–",
@@ -241,9 +274,11 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
 
 
 def _light(what: WaterAndBeam) -> list[str]:
-    """a, b, K and half width."""
+    """a, b, K, with its error if that is known, and half width."""
     values = (what.absorption_per_m, what.scattering_per_m, what.attenuation_per_m, what.hwhm_deg)
-    return [f"{value:.3g}" for value in values]
+    a, b, attenuation, width = (f"{value:.3g}" for value in values)
+    stderr = what.attenuation_stderr_per_m
+    return [a, b, attenuation if stderr is None else f"{attenuation} ± {stderr:.1g}", width]
 
 
 def _rung(rung: Rung) -> list[str]:
@@ -261,7 +296,7 @@ def _rung(rung: Rung) -> list[str]:
     ]
 
 
-def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
+def _explanation(each: AcceptedExplanation, stated: Sequence[StatedEffect]) -> dict[str, str | list[str]]:
     values, amplitudes = [], [path for path in each.parameters if is_amplitude(path)]
     for path, estimate in each.parameters.items():
         if path in amplitudes or not means_something(path, each.parameters):
@@ -273,7 +308,7 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     for field, count in Counter(field_of(path) for path in amplitudes).items():
         values.append(f"{field}: a curve of {count} functions")
     return {
-        "effects": " + ".join(plain(name) for name in each.effects),
+        "effects": " + ".join(named_beside_scene(each, stated)),
         "weight": f"{each.weight:.2f}",
         "error": _optional(each.error_percent),
         "held_out": _optional(each.held_out_percent),
@@ -281,11 +316,13 @@ def _explanation(each: AcceptedExplanation) -> dict[str, str | list[str]]:
     }
 
 
-def _rival(rival: NearestRival | None) -> str:
-    if rival is None:
+def _rival(rival: NearestRival | None, found: Sequence[FoundEffect]) -> str:
+    """How far the nearest other explanation is, which has nothing of what would do as well."""
+    if rival is None or not has_no_equal(found, rival):
         return ""
     names = " + ".join(plain(name) for name in rival.effects)
-    return f"The nearest other explanation, {names}, is {rival.separation_sigma:.1f} sigma away."
+    what = "explanation that has nothing of what would do as well" if as_well(found) else "explanation"
+    return f"The nearest other {what}, {names}, is {rival.separation_sigma:.1f} sigma away."
 
 
 def _limit(name: str, each: DetectionLimit) -> dict[str, str]:

@@ -38,6 +38,14 @@ def test_sizes_in_another_order_are_seen_at_once(tmp_path, capsys):
     )
 
 
+def test_a_band_may_be_given_again(tmp_path):
+    """The last one alone was taken."""
+    bands = ["--band", "440:460", "--band", "520:560,600:620"]
+    assert main(["new", "tank", *bands, "-o", str(tmp_path / "pool")]) == 0
+    scene = Scene.load(tmp_path / "pool" / "scene.toml")
+    assert scene.detector.bands_nm == ((440, 460), (520, 560), (600, 620))
+
+
 def test_work_that_takes_long_says_so(tmp_path, monkeypatch, capsys):
     """Minutes of silence look like a program that hangs: a line now and then, apart from the answer."""
     often = partial(progress.status_lines, every_s=1e-3)

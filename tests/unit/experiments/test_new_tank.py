@@ -27,22 +27,35 @@ def test_defaults_make_a_scene_and_a_table_that_can_be_planned_with(tmp_path: Pa
     assert scene == made.scene and scene.tank is not None
     layout = read_table(files[LAYOUT], scene, COLUMNS)
     assert len(layout) == made.rows == len(scene.detector.planes_m) * 12 + 1
-    repeated = (layout.x_m == 0) & (layout.z_m == scene.detector.planes_m[0])
+    repeated = (layout.x_m == 0) & (layout.y_m == 0) & (layout.z_m == scene.detector.planes_m[0])
     assert repeated.sum() == len(scene.detector.planes_m) + 2
     assert (np.diff(layout.time_s) > 0).all(), "or drifts could not be planned for"
     limits = lf.plan(layout, scene, trace=False).details.limits
-    assert "lamp_drift" in limits
+    assert {"lamp_drift", "beam_ellipticity", "stratification"} <= set(limits)
 
 
 def test_places_are_read_in_random_order_and_the_first_again_and_again() -> None:
     """As the first hour advises: distances mixed, one place often; equal tanks, equal tables."""
     made = new_tank({"planes": "1,2,3,4,5", "points": "11"})
     rows = [line.split(",") for line in made.layout_text.splitlines() if line.startswith("water")]
-    x, z = ([float(row[k]) for row in rows] for k in (1, 3))
+    x, y, z = ([float(row[k]) for row in rows] for k in (1, 2, 3))
     assert all((x[k], z[k]) == (0.0, 1.0) for k in (0, 12, 24, 36, 48, 60))
     assert all(len(set(z[k + 1 : k + 12])) > 2 for k in (0, 12, 24, 36, 48))
-    assert len({(a, b) for a, b in zip(x, z, strict=True)}) == 55
+    assert len(set(zip(x, y, z, strict=True))) == 55
     assert new_tank({"planes": "1,2,3,4,5", "points": "11"}).layout_text == made.layout_text
+
+
+def test_some_places_lie_below_and_above_the_axis() -> None:
+    """With all readings at one height no beam is oval and no water in layers."""
+    made = new_tank({"tank": "2x1x6", "lamp_depth": "0.3", "points": "11"})
+    rows = np.array(
+        [line.split(",")[1:4] for line in made.layout_text.splitlines() if line.startswith("water")], float
+    )
+    planes = made.scene.detector.planes_m
+    for z in planes:
+        up = np.sort(rows[rows[:, 2] == z][:, 1])
+        assert (up[up != 0] == ([-0.63, -0.315, 0.135, 0.27] if z in (planes[0], planes[-1]) else [])).all()
+    assert len(rows) == 12 * len(planes) + 1
 
 
 def test_a_table_is_refused_until_it_is_filled_in(tmp_path: Path) -> None:
@@ -100,12 +113,41 @@ def test_words_and_spaces_that_people_write_are_understood() -> None:
 def test_a_lamp_of_two_peaks_and_a_tube_are_written_as_they_may_be_changed() -> None:
     made = new_tank({"lamp": "450/20+525/35", "quantity": "radiance"})
     assert [(p.peak_nm, p.fwhm_nm) for p in made.scene.lamp.spectrum] == [(450, 20), (525, 35)]
-    assert made.scene.detector.bands_nm == ((430.0, 560.0),)
+    assert made.scene.detector.bands_nm == ((430.0, 470.0), (490.0, 560.0))
     assert "height = 1.0" in made.scene_text and "full_angle_deg = 2.0" in made.scene_text
     assert "full_angle_deg" not in new_tank({}).scene_text
     rows = [line.split(",") for line in made.layout_text.splitlines() if line.startswith("water")]
     beside = max(abs(float(row[1])) / float(row[3]) for row in rows)
     assert 0.5 * math.tan(math.radians(1.0)) < beside < math.tan(math.radians(1.0))
+
+
+@pytest.mark.parametrize(
+    ("answers", "bands"),
+    [
+        # Three peaks made one band from 430 to 640 nm.
+        ({"lamp": "450/20+525/35+630/15"}, ((430, 470), (490, 560), (615, 645))),
+        ({"lamp": "450/20+480/20"}, ((430, 500),)),
+        ({"lamp": "led-white"}, ((430, 690),)),
+        ({"lamp": "halogen", "band": "440:460,520:560"}, ((440, 460), (520, 560))),
+    ],
+)
+def test_each_peak_has_a_band_and_each_band_a_row(
+    answers: dict[str, str], bands: tuple, tmp_path: Path
+) -> None:
+    made = new_tank(answers)
+    assert made.scene.detector.bands_nm == bands
+    files = made.save(tmp_path)
+    assert len(read_table(files[LAYOUT], made.scene, COLUMNS)) == made.rows * len(bands)
+    filled = re.sub(r",,,$", ",1.5,,", files[READINGS].read_text(encoding="utf-8"), flags=re.MULTILINE)
+    files[READINGS].write_text(filled, encoding="utf-8")
+    readings = read_table(files[READINGS], made.scene)
+    assert len(readings) == made.rows * len(bands)
+    assert set(readings.wavelength_nm) == {(low + high) / 2 for low, high in bands}
+
+
+def test_what_is_no_band_is_refused() -> None:
+    with pytest.raises(UsageError, match="several: 430:470,500:560"):
+        new_tank({"band": "430:470:500"})
 
 
 @pytest.mark.parametrize(

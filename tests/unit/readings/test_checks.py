@@ -246,6 +246,7 @@ def test_each_blindness_is_told_alone_and_with_its_remedy():
         "no_time": {"time_s": np.nan, "repeat": np.arange(n)},
         "few_planes": {"z_m": np.where(good().z_m > 6, 8.5, good().z_m)},
         "saturated": {"saturated": np.arange(n) == 3},
+        "tiny_errors": {"stderr": 9e-6 * good().value},
         "exact_zeros": {"value": np.where(np.arange(n) < 3, 0.0, good().value)},
     }
     for code, changes in cases.items():

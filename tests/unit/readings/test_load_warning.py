@@ -13,6 +13,7 @@ VALUES: dict[Remarks, dict[str, Remarked]] = {
     Remarks.LATE_TIMES: {"first_s": 36000.0, "percent": 4.2},
     Remarks.FAST_TIMES: {"speed": 7.5},
     Remarks.SLOW_TIMES: {"step_s": 20000.0},
+    Remarks.TINY_ERRORS: {"part": 7e-7},
     Remarks.EXACT_ZEROS: {"zeros": 5, "readings": 41},
     Remarks.FEW_PLANES: {"planes": 2},
     Remarks.CONSTANT_INTEGRATION_TIME: {"exposure_s": 0.25},

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from lightfield.arrays import finite
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
@@ -12,13 +14,18 @@ from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.pool.evidence import Evidence
 from lightfield.diagnosis.verdict.calibration import EFFECT as POWER
 from lightfield.diagnosis.verdict.ladder import adds
-from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, WaterAndBeam
+from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Reason, WaterAndBeam
 from lightfield.fitting.curves import field_of
 from lightfield.fitting.fitted_curves import changed_rms
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.scene import Scene
 from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
+
+#: By so much a value without an error is moved, to see whether K moves with it, and part of K that is
+#: rounding. Chosen: any step does.
+_STEP, _ROUNDING = 1e-3, 1e-9
 
 
 def found_effects(
@@ -35,9 +42,12 @@ def found_effects(
     closest = finding.closest
     if closest is None or finding.withheld:
         return []
+    light = _water_and_beam(forward, closest.fit)
+    stderr = _stderr_of_attenuation(forward, closest.fit, values, light)
+    light = light.model_copy(update={"attenuation_stderr_per_m": stderr})
     known = {e.candidate.key: e for e in (finding.many.evidence if finding.many else ())}
     records = [
-        _record(forward, c, known.get(c.key), closest.fit, values, finding)
+        _record(forward, c, known.get(c.key), values, finding, light)
         for c in closest.explanation
         if c.name not in finding.unknown
     ]
@@ -48,10 +58,11 @@ def _record(
     forward: SceneForward,
     candidate: Candidate,
     one: Evidence | None,
-    fit: Fit,
     values: Mapping[str, Estimate],
     finding: SearchResult,
+    light: WaterAndBeam,
 ) -> FoundEffect:
+    assert finding.closest is not None
     known = FoundEffect(
         effect=candidate.name,
         family=candidate.effect.family,
@@ -59,10 +70,10 @@ def _record(
         # What was not sought by its shape, the lamp's power, rests on the calibration alone.
         level=Certainty.SIMPLEST if finding.identified or candidate.name == POWER else Certainty.ONE_OF,
         parameters={p.path: values[p.path] for p in candidate.parameters if p.path in values},
-        rms_percent=_rms_percent(forward, candidate, fit),
+        rms_percent=_rms_percent(forward, candidate, finding.closest.fit),
         hardly_tested=candidate.is_hardly_tested,
         of_scene=not adds(candidate),
-        with_it=_water_and_beam(forward, fit),
+        with_it=light,
     )
     if one is None:
         return known
@@ -96,10 +107,35 @@ def _rms_percent(forward: SceneForward, candidate: Candidate, fit: Fit) -> float
 def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:
     """At the wavelength of the first channel, which is the shortest."""
     scene = forward.scenes.at(fit.values, validate=False)
-    wavelength = forward.light.diffuse.wavelengths_nm[:1]
-    a, b = (float(of(scene.water, wavelength)[0]) for of in (absorption_per_m, scattering_per_m))
-    width = stated_width_deg(scene.lamp)
+    wavelength = float(forward.light.diffuse.wavelengths_nm[0])
+    a, b = _coefficients(scene, wavelength)
     return WaterAndBeam(
-        wavelength_nm=float(wavelength[0]), absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b,
-        hwhm_deg=width,
+        wavelength_nm=wavelength, absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b,
+        hwhm_deg=stated_width_deg(scene.lamp),
     )  # fmt: skip
+
+
+def _coefficients(scene: Scene, wavelength_nm: float) -> tuple[float, float]:
+    """Absorption and scattering, 1/m."""
+    there = np.array([wavelength_nm])
+    return float(absorption_per_m(scene.water, there)[0]), float(scattering_per_m(scene.water, there)[0])
+
+
+def _stderr_of_attenuation(
+    forward: SceneForward, fit: Fit, values: Mapping[str, Estimate], light: WaterAndBeam
+) -> float | None:
+    """Standard error of K, 1/m, where one value of the best set alone moves it; None where that has none.
+
+    What several values do to it together their errors do not tell: a and b make up for each other.
+    """
+    moved: list[float | None] = []
+    for path in fit.paths:
+        if values[path].reason is Reason.HELD:
+            continue
+        stderr = values[path].stderr
+        there = fit.values | {path: fit.values[path] + (stderr or _STEP)}
+        a, b = _coefficients(forward.scenes.at(there, validate=False), light.wavelength_nm)
+        change = abs(a + b - light.attenuation_per_m)
+        if change > _ROUNDING * light.attenuation_per_m:
+            moved.append(change if stderr else None)
+    return moved[0] if len(moved) == 1 else None

@@ -52,7 +52,8 @@ _MISTAKES = (
 )  # fmt: skip
 #: The same of the table's own checks.
 _MISTAKES_OF_TABLES = (
-    Remarks.FAR_PLACES, Remarks.FAST_TIMES, Remarks.SLOW_TIMES, Remarks.LARGE_ERRORS, Remarks.EXACT_ZEROS,
+    Remarks.FAR_PLACES, Remarks.FAST_TIMES, Remarks.SLOW_TIMES, Remarks.LARGE_ERRORS, Remarks.TINY_ERRORS,
+    Remarks.EXACT_ZEROS,
 )  # fmt: skip
 #: How a fresh render contradicts a fit.
 _CONTRADICTED = (

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
@@ -38,7 +39,8 @@ def cautions(
     if prepared.doubted:
         out.append(Caution(warns=Warns.ERRORS_DOUBTED))
     scale, nu = variance_scale(prepared, finding), _spare(finding)
-    stated = prepared.errors_stated and not prepared.doubted  # of what was put in their place nobody is asked
+    believed = prepared.errors_stated and errors_believed(readings)
+    stated = believed and not prepared.doubted  # of what was put in their place nobody is asked
     if stated and scale > _NOTED_SCALE and special.chdtrc(nu, nu * scale) < _NO_CHANCE:
         warns = Warns.SCATTER_FAR_MORE if scale > _NO_ERRORS else Warns.SCATTER_MORE
         out.append(Caution(warns=warns, values={"times": float(np.sqrt(scale))}))

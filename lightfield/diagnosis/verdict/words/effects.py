@@ -6,23 +6,33 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from lightfield.diagnosis.certainty import Certainty
-from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, FoundEffect, Rung, Unnamed
+from lightfield.diagnosis.verdict.parts import (
+    AcceptedExplanation,
+    Estimate,
+    FoundEffect,
+    NearestRival,
+    Rung,
+    Unnamed,
+)
 from lightfield.diagnosis.verdict.speech import exactly, join, roughly, short
 from lightfield.fitting import effects
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.section import oval_widths, widest_turn
-from lightfield.wording import capital, plain
+from lightfield.wording import capital, plain, rounded
 
 #: Part of the misfit, in per cent, that a set removes before it is spoken of. Chosen: half.
 _SPOKEN = 50.0
-#: Every water has some.
+#: Every water has some. Between walls that reflect it is fitted beside them.
 _SCATTERING = "scattering"
 _OVAL = ("lamp.ellipticity", "lamp.ellipticity_diagonal")
 _WIDTH, _PROFILE = "lamp.hwhm_deg", "lamp.profile_departure."
 #: A lamp of any shape.
 _CURVE = "beam_profile"
 _DETAIL = " detail of the lamp that its curve leaves out"
+#: From this rms change of the logarithm of readings on it is told as a factor, and as none that is beyond
+#: numbers. Chosen: words alone.
+_A_PART, _MOST_LOG = 0.3, 500.0
 #: What may replace an effect, of which so many are told. Chosen: words alone.
 _ALTERNATIVES_TOLD = 3
 
@@ -67,7 +77,23 @@ def instead(one: FoundEffect) -> str:
         told.insert(0, f"any course of it ({' or '.join(map(_with, courses))})")
     if one.other_lamp and not any(_CURVE in names for names in one.alternatives):
         told.append("a lamp of another shape")
-    return " or ".join(told)
+    # Sets without an effect of the scene hold it as stated.
+    as_stated = "the scene's beside " if one.of_scene and told else ""
+    return f"{as_stated}{' or '.join(told)}"
+
+
+def called(one: FoundEffect) -> str:
+    """What an effect of the best set is called: of one that the scene has, what the set makes of it."""
+    if not one.of_scene:
+        return plain(one.effect)
+    return f"no {plain(one.effect)}" if one.is_taken_away else f"{plain(one.effect)} unlike the scene's"
+
+
+def as_well(found: Sequence[FoundEffect]) -> str:
+    """What would do as well as effects that are the simplest explanation alone; "" for nothing."""
+    open_ = [one for one in found if one.level in (Certainty.SIMPLEST, Certainty.ONE_OF) and instead(one)]
+    told = " and ".join(f"instead of {called(one)}, {instead(one)}" for one in open_)
+    return f"{told} would do as well" if told else ""
 
 
 def shared(
@@ -91,6 +117,11 @@ def why_first(told: Sequence[AcceptedExplanation]) -> str:
     return "The first needs fewer curves than those of more weight: a curve follows noise, too."
 
 
+def has_no_equal(found: Sequence[FoundEffect], rival: NearestRival) -> bool:
+    """Is a rival without all that would do as well? How far it is said to be would contradict that."""
+    return not any(set(names) <= set(rival.effects) for one in found for names in one.alternatives)
+
+
 def _is_course_of(effect: str, names: Sequence[str]) -> bool:
     """Is it a curve that an effect is one course of? It is no other cause."""
     curve = effects.curves().get(names[0]) if len(names) == 1 else None
@@ -104,11 +135,19 @@ def _with(names: Sequence[str]) -> str:
 def effect_size(one: FoundEffect) -> str:
     """The parameters of an effect with their errors; of a curve how far it departs."""
     if one.rms_percent is not None:
-        return (
-            f"a curve of {len(one.parameters)} functions, {short(one.rms_percent, 2)} % rms of the readings"
-        )
+        return f"a curve of {len(one.parameters)} functions, {_changed(one.rms_percent / 100)}"
+    if one.is_taken_away:
+        off = ", ".join(f"{path.rpartition('.')[2]} = {e.value:.4g}" for path, e in one.parameters.items())
+        return f"{off} instead of the scene's"
     sizes = ", ".join(f"{path.rpartition('.')[2]} = {exactly(e)}" for path, e in one.parameters.items())
     return f"{sizes}{_as_an_oval(one.parameters)}"
+
+
+def _changed(rms: float) -> str:
+    """What a curve changes in readings, by the rms change of their logarithm: a large one as a factor."""
+    if rms < _A_PART:
+        return f"{short(100 * rms, 2)} % rms of the readings"
+    return f"changing the readings by a factor of {rounded(math.exp(min(rms, _MOST_LOG)))} (rms)"
 
 
 def _as_an_oval(parameters: Mapping[str, Estimate]) -> str:
@@ -153,7 +192,7 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
     """
     out = []
     for one in told:
-        if one.effect == _SCATTERING:
+        if one.effect == _SCATTERING and one.with_it.keys() - values.keys():  # its size is told, too
             there = ", ".join(f"{path} = {roughly(e)}" for path, e in one.with_it.items())
             why = "is hardly told from what reflects here, and every water has some: with it"
         else:
@@ -163,6 +202,8 @@ def unnamed_sentences(told: Sequence[Unnamed], values: Mapping[str, Estimate]) -
                 if path in values
             )
             why = f"is too small to be named ({one.sigma:.1f} sigma); if it is there,"
+            if one.effect == _SCATTERING:
+                why = f"is too small to be named ({one.sigma:.1f} sigma), and every water has some: with it"
             if one.stated:
                 why = f"of another size than the scene's is hardly asked for ({one.sigma:.1f} sigma); with it"
             if one.effect == BEAM_PROFILE:

@@ -21,7 +21,15 @@ from lightfield.diagnosis.verdict.speech import Said, in_unit, join
 from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.diagnosis.verdict.words import aside, rest, stated
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import follows_any, instead, level, shared, so_far
+from lightfield.diagnosis.verdict.words.effects import (
+    as_well,
+    follows_any,
+    has_no_equal,
+    instead,
+    level,
+    shared,
+    so_far,
+)
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
 from lightfield.wording import capital, plain
 
@@ -70,8 +78,7 @@ def _found(v: VerdictData) -> Said:
         one = v.explanations[0]
         left = [(e, f) for e, f in zip(one.effects, one.families, strict=True) if e not in against]
         if not left:
-            far = [f"The next rival, {join(rival.effects)}, is {_away(rival)}."] if rival else []
-            return Said.of(refuted, *far)
+            return Said.of(refuted, *(f"{capital(text)}." for text in _near(v, rival)))
         told = [one.model_copy(update={"effects": [e for e, _ in left], "families": [f for _, f in left]})]
     return _of_kind(v, told, rival).after(refuted)
 
@@ -106,7 +113,7 @@ def _none(v: VerdictData) -> Said:
 def _identified(v: VerdictData, one: AcceptedExplanation, rival: NearestRival | None) -> Said:
     families = list(dict.fromkeys(one.families))
     kinds = f"{'family' if len(families) == 1 else 'families'}: {join(families)}"
-    near = f"; the next rival, {join(rival.effects)}, is {_away(rival)}" if rival else ""
+    near = "".join(f"; {text}" for text in _near(v, rival))
     what = f"{_missing(one.effects)}{_within(v)}"
     return Said(f"{what} ({kinds}){near}.", f"{what}.", (f"{capital(kinds)}{near}.",))
 
@@ -208,8 +215,14 @@ def _missing(names: Sequence[str]) -> str:
     return f"{capital(join(names))} {'is' if len(names) == 1 else 'are'} missing in the model"
 
 
-def _away(rival: NearestRival) -> str:
-    return f"{rival.separation_sigma:.1f} sigma away"
+def _near(v: VerdictData, rival: NearestRival | None) -> list[str]:
+    """What would do as well as what was found, and how far the next rival is that has none of it."""
+    others = as_well(v.found)
+    told = [others] if others else []
+    if rival is not None and has_no_equal(v.found, rival):
+        far = f"{join(rival.effects)}, is {rival.separation_sigma:.1f} sigma away"
+        told.append(f"the next rival{' with none of these' if others else ''}, {far}")
+    return told
 
 
 def _within(v: VerdictData) -> str:

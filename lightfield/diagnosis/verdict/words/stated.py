@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from lightfield.diagnosis.verdict.parts import (
     CONTRADICTED_SIGMA,
@@ -10,6 +10,7 @@ from lightfield.diagnosis.verdict.parts import (
     Estimate,
     Judgement,
     NearestRival,
+    Reason,
     StatedEffect,
 )
 from lightfield.diagnosis.verdict.speech import in_unit
@@ -59,6 +60,19 @@ def beside_scene(v: VerdictData) -> tuple[list[AcceptedExplanation], NearestRiva
     told = [one.model_copy(update=called(one.effects)) for one in v.explanations]
     rival = v.nearest_rival
     return told, rival and rival.model_copy(update=called(rival.effects))
+
+
+def named_beside_scene(explanation: AcceptedExplanation, entries: Sequence[StatedEffect]) -> list[str]:
+    """Effects of an explanation by name: of one that the scene has, what the explanation makes of it."""
+    has = {entry.effect: entry.stated for entry in entries}
+    return [_beside_scene(name, explanation.parameters, has.get(name, {})) for name in explanation.effects]
+
+
+def _beside_scene(name: str, fitted: Mapping[str, Estimate], in_scene: Mapping[str, float]) -> str:
+    if not in_scene:
+        return plain(name)
+    gone = all(path in fitted and fitted[path].reason is Reason.HELD for path in in_scene)
+    return f"no {plain(name)}" if gone else f"{plain(name)} unlike the scene's"
 
 
 def stated_lines(stated: Sequence[StatedEffect]) -> list[str]:

@@ -54,6 +54,8 @@ def test_sizes_agree_with_what_was_hidden(three: Diagnosis) -> None:
     (first, *_) = three.verdict.found
     assert first.with_it.attenuation_per_m == pytest.approx(0.12 * 0.87, abs=0.004)
     assert first.with_it.scattering_per_m == 0
+    absorption = three.verdict.explanations[0].parameters["water.absorption_per_m"]
+    assert first.with_it.attenuation_stderr_per_m == pytest.approx(absorption.stderr)
 
 
 def test_without_an_effect_the_water_would_be_another(three: Diagnosis) -> None:

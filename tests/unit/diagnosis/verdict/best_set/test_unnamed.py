@@ -143,6 +143,18 @@ def test_scattering_that_walls_hide_is_in_the_errors_and_said() -> None:
     assert "with it slope = 0.3 ± 0.4 1/m, b = 0.1 ± 0.05 1/m; the stated errors reach there" in said
 
 
+def test_scattering_that_is_too_small_where_nothing_reflects_is_not_laid_to_walls() -> None:
+    """Of what walls hide its own size is told, too; in a black tank it was said to be like what reflects."""
+    there = {"slope": Estimate(value=0.2, stderr=0.01, unit="1/m")}
+    values = {"slope": Estimate(value=0.1, stderr=0.01, unit="1/m")}
+    small = Unnamed(effect="scattering", sigma=3.6, with_it=there, in_errors=True)
+    (said,) = unnamed_sentences([small], values)
+    assert said.startswith("scattering is too small to be named (3.6 sigma), and every water has some: with")
+    hidden = small.model_copy(update={"with_it": there | {"b": Estimate(value=0.1, unit="1/m")}})
+    (said,) = unnamed_sentences([hidden], values)
+    assert said.startswith("scattering is hardly told from what reflects here")
+
+
 def test_scattering_that_changes_no_error_is_not_spoken_of() -> None:
     _, found = finding(0.0)
     node = found.many.best

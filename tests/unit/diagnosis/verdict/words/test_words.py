@@ -20,7 +20,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import means_something, why_first
+from lightfield.diagnosis.verdict.words.effects import effect_size, means_something, why_first
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
@@ -154,6 +154,20 @@ def test_what_was_found_and_how_sure_that_is_are_kept_apart(
     assert more.headline == f"{against} {headline}" and more.support == (*support, aside)
 
 
+def test_a_rival_is_not_said_to_be_far_where_others_would_do_as_well() -> None:
+    """The table said that a course of the gradient would do as well, the headline that the next is far."""
+    found = [effect("beam_offset", "certain"), effect("water_gradient", "simplest", ["plane_gain"])]
+    best = explanation("beam_offset", "water_gradient")
+    (near,) = words_of(verdict_data("identified", best, nearest_rival=RIVAL, found=found)).support
+    assert near == (
+        "Family: water; instead of water gradient, any course of it (plane gain) would do as well; "
+        "the next rival with none of these, acceptance, is 5.0 sigma away."
+    )
+    same = NearestRival(effects=["beam_offset", "plane_gain"], separation_sigma=1.0)
+    (near,) = words_of(verdict_data("identified", best, nearest_rival=same, found=found)).support
+    assert near.endswith("(plane gain) would do as well.")
+
+
 NO_BEAM = "these readings do not look like a beam through water"
 NO_SLIPS = "readings that no known effect reaches are no slips: they lie together"
 
@@ -267,6 +281,19 @@ def test_the_width_under_a_curve_is_not_told() -> None:
     assert not means_something(width, [*others, beam])
     assert means_something(width, [*others, power]) and means_something(width, others)
     assert means_something(others[1], [*others, beam])
+
+
+@pytest.mark.parametrize(
+    ("percent", "said"),
+    [
+        (2.34, "a curve of 1 functions, 2.3 % rms of the readings"),
+        (502.4, "a curve of 1 functions, changing the readings by a factor of 150 (rms)"),
+    ],
+)
+def test_a_curve_that_changes_readings_many_times_is_told_as_a_factor(percent: float, said: str) -> None:
+    """The rms change of a logarithm was called "502 % rms of the readings"."""
+    one = effect("beam_profile", "certain").model_copy(update={"rms_percent": percent})
+    assert effect_size(one) == said
 
 
 def test_nought_has_no_sign() -> None:
