@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,9 @@ _BEAM_BYTES, _FEWEST_BEAMS = 60e6, 3
 _WIDTH_STEP = 1.25
 #: Water that scatters less has light in proportion.
 _CLEAREST_PER_M = 1e-6
+
+
+_Paths = TypeVar("_Paths", TabledPaths, LitPaths)
 
 
 def describes(scene: Scene) -> bool:
@@ -283,7 +286,7 @@ class ScatteredField:
         return _Seen(most, by_z, by_angle, table_path, turned / length**2, path, height)
 
 
-def _size(parts: Sequence[tuple[slice, TabledPaths | LitPaths]]) -> int:
+def _size(parts: Sequence[tuple[slice, _Paths]]) -> int:
     """Bytes that paths, or what is sent along them, take."""
     return sum(paths.nbytes for _, paths in parts)
 

@@ -193,13 +193,8 @@ def _head_remedy(line: str) -> str:
     """What to do about a line of the head that is not TOML."""
     if bare := re.fullmatch(r"\s*(\w+)\s*=\s*([^\W\d][^\"'#]*?)\s*(#.*)?", line):
         return f'put text in quotes: # {bare[1]} = "{bare[2]}"'
-<<<<<<< HEAD
-    if re.search(r"=\s*[+-]?\d+,\d", line):
-        return "write its numbers with a point, whatever the cells have"
-=======
     if comma := _WITH_COMMA.fullmatch(line):
         return f"write numbers with a point, as in the columns: # {comma[1].strip()}.{comma[2]}"
->>>>>>> fixC
     return "begin free comments with ##"
 
 
