@@ -16,7 +16,7 @@ _BRIGHTEST = 10
 _FEWEST_PLANES = 4
 #: Standard errors of bright readings below this part of them are no instrument's. Chosen: a hundredth of what
 #: the steadiest lamps and the best of radiometers repeat.
-_LEAST_ERROR = 1e-5
+LEAST_ERROR = 1e-5
 #: So many readings that are exactly 0 are no chance. Chosen: one may be a place in the dark, or a slip.
 _ZEROS = 3
 
@@ -70,7 +70,7 @@ def _of_errors(readings: Unchecked) -> list[LoadWarning]:
     stderr, value = readings.stderr[brightest], np.abs(readings.value[brightest])
     if len(known) and (stderr > value).all():
         return [LoadWarning(Remarks.LARGE_ERRORS)]
-    if len(known) and (stderr < _LEAST_ERROR * value).all():
+    if len(known) and (stderr < LEAST_ERROR * value).all():
         return [LoadWarning(Remarks.TINY_ERRORS, {"part": float((stderr / value).max())})]
     return []
 

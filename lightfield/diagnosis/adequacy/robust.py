@@ -21,6 +21,7 @@ from lightfield.diagnosis.adequacy.templates import Template
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.quoted import MAD_TO_SIGMA, NO_LIGHT
 from lightfield.fitting.least_squares import LOOSE, OPEN, Fit
+from lightfield.readings.blindness import LEAST_ERROR
 from lightfield.readings.columns import LINE_DECIMALS
 
 #: Largest part of the readings that is left out. Chosen: four times the part that slips usually spoil
@@ -265,7 +266,8 @@ def scatter_law(
             evidence > best + (alike * _OVERWHELMING if law is None else 0.0)
             and (variance * shape**2 < limit).all()
         ):
-            best, law = evidence, np.sqrt(variance) * np.hypot(floor * top, np.clip(prediction, 0, None))
+            least = max(float(np.sqrt(variance)), LEAST_ERROR)
+            best, law = evidence, least * np.hypot(floor * top, np.clip(prediction, 0, None))
     return law
 
 

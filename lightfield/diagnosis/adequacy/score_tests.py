@@ -51,6 +51,8 @@ _CERTAIN = 1000
 #: k neighbouring columns count as k to this power independent ones in the nominal p of a scan. Chosen, for
 #: the weight of a scan among the tests alone: what is said rests on the bootstrap.
 _SCAN_POWER = 0.7
+#: Readings without noise: their scatter, in units of their errors, is taken for no less. Chosen: rounding.
+LEAST_SCALE = 1e-6
 #: Part of a sum of squares that is nought. Derived: rounding of doubles, with room.
 _ROUNDING = 1e-12
 
@@ -367,6 +369,7 @@ class _Views:
         if not self.scale_taken:
             reached = ((self._reach.T @ every) ** 2).sum(0)
             phi = (np.maximum(total - reached, _ROUNDING * total + TINY) + self._known) / nu
+            phi = np.maximum(phi, LEAST_SCALE)
         rest: dict[object, Array] = {}
         for name, basis in self._spans.items():
             if basis.shape[1]:

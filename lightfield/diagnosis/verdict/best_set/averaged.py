@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.diagnosis.adequacy.score_tests import Adequacy, Score
+from lightfield.diagnosis.adequacy.score_tests import LEAST_SCALE, Adequacy, Score
 from lightfield.diagnosis.adequacy.subspace import by_others
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
@@ -49,8 +49,6 @@ _ABSORBED = 0.05
 #: Beside these curves a parameter is that of what they change: a half width of no light, absorption of no
 #: water.
 _CHANGED = {BEAM_PROFILE: "lamp.hwhm_deg", "attenuation_spectrum": "water.absorption_per_m"}
-#: Readings without noise: their scatter, in units of their errors, is taken for no less. Chosen: rounding.
-_LEAST_NOISE = 1e-6
 #: Exponents are cut here: what weighs more is all. Derived: e^50 loses no digit of what it is added to.
 _MOST = 50.0
 
@@ -67,7 +65,7 @@ def with_an_effect_more(
     scale : float
         Variance of the noise, in units of the whitening.
     """
-    phi, held = max(scale, _LEAST_NOISE), fit.at_bound()
+    phi, held = max(scale, LEAST_SCALE), fit.at_bound()
     own, free = fit.stderr(phi), np.flatnonzero(~held)
     slope = np.array([abs(p.slope(u)) for p, u in zip(fit.model.parameters, fit.u, strict=True)])[free]
     paths = [fit.paths[i] for i in free]
