@@ -5,6 +5,7 @@ from __future__ import annotations
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, Promise, begin_at
 from lightfield.diagnosis.search.set_of_effects import FittedSet, SetKey
+from lightfield.memory import give_back
 
 #: Levels of additions at most: more effects than any set of readings was seen to hold (six and curves, in
 #: benchmarks/many_effects).
@@ -53,6 +54,7 @@ def forward(
     """
     level, lowest, stale = [start], pool.cost(start), 0
     for _ in range(most):
+        give_back()
         made = fit_additions(pool, level, fits, allowed, anyway)
         if not made:
             break
@@ -115,6 +117,7 @@ def polish(
         if best.key in done:
             break
         done.add(best.key)
+        give_back()
         _other_forms(pool, best, allowed)
         around = [pool.drop(best, c) for c in best.explanation if _without(pool, best, c)]
         found = _additions(pool, [*around, best], allowed)

@@ -213,9 +213,9 @@ def test_errors_of_another_shape_than_the_scatter_are_replaced(stated: str, doub
 
 def test_scatter_below_what_instruments_repeat_is_rounding() -> None:
     """Readings that a formula made scatter by 1e-15: their errors are told to be 1e-5 of them."""
-    light, errors = np.geomspace(0.01, 1.0, 60), np.geomspace(1e-5, 1e-3, 60)
+    light, errors = np.geomspace(0.01, 1.0, 60), np.full(60, 1e-3)
     rounding = 1e-15 * np.random.default_rng(0).standard_normal(60) * light
-    law = scatter_law(rounding / errors, np.ones((60, 1)), np.ones(60), errors, light, 4.0)
+    law = scatter_law(rounding / errors, np.ones((60, 1)) / np.sqrt(60), np.ones(60), errors, light, 4.0)
     assert law is not None and (law >= 1e-5 * light).all() and law.max() < 2e-5
 
 
