@@ -11,7 +11,7 @@ from lightfield.studies.attenuation.remark import Remark, Studied
 RECORDS = [
     *(Oddity(odd, 7, 9, "Integration Time", "holds no number") for odd in Odd),
     *(ShownAs(what, 0.01, 0.25) for what in Shown),
-    *(Remark(studied, 7, 9, 12.0, 0.5, "no light") for studied in Studied),
+    *(Remark(studied, 7, 9, 12.0, 0.5, "z = 2 m", "no light") for studied in Studied),
 ]
 
 
