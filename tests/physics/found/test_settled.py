@@ -201,7 +201,7 @@ def test_a_plan_is_about_the_light_that_the_scene_scatters() -> None:
     """Limits are those of a diagnosis of the walked readings, but for one factor, by which these scatter more
     than the instrument (their photons). About direct light alone they were 0.5 to 1.7 times as large. Errors
     of the light are alike at x and -x, where photons are shared: what is opposite there has a factor of its
-    own."""
+    own. They are limits beside scattering of another size, whose slope has the noise of either trace."""
     case = next(c for c in CASES if (c.b, c.g) == (0.4, 0.96))
     scene, layout = case.believed.with_values(case.truth), readings_of(case, 0, walk=False)
     planned = plan(layout, scene, partial(response_for, photons=300_000, seed=3)).limits
@@ -212,7 +212,7 @@ def test_a_plan_is_about_the_light_that_the_scene_scatters() -> None:
     for names, most in ((opposite, 1.05), (of_light - opposite, 1.0)):
         factor = np.array([planned[name].value / found[name].value for name in names])
         assert 0.7 < np.median(factor) < most
-        assert np.all(np.abs(factor / np.median(factor) - 1) < 0.1)
+        assert np.all(np.abs(factor / np.median(factor) - 1) < 0.15)
 
 
 @pytest.mark.slow

@@ -67,7 +67,10 @@ def _narrow(effect: Effect, end: float) -> Effect:
 def test_what_makes_up_for_an_effect_at_its_end_is_not_certain(
     end: float, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Far from what the water does, and so near it (0.227) that another effect makes up for nearly all."""
+    """Far from what the water does, and so near it (0.227) that another effect makes up for nearly all.
+
+    Far from it a cloud that passes may describe what is left better still: then nothing is explained.
+    """
     narrow = tuple(_narrow(e, end) if e.name == "water_drift" else e for e in water.EFFECTS)
     monkeypatch.setattr(water, "EFFECTS", narrow)
     registry.table.cache_clear()
@@ -78,6 +81,9 @@ def test_what_makes_up_for_an_effect_at_its_end_is_not_certain(
         registry.table.cache_clear()
     assert "water_drift" in verdict.best_set
     assert set(verdict.certain) <= {"beam_offset"} >= set(verdict.simplest)
+    if verdict.verdict == "unexplained":
+        assert end == 0.1 and verdict.left_over[0].name == "passing_cloud"
+        return
     made_up = [one for one in verdict.found if one.beyond]
     assert made_up and verdict.verdict == "ambiguous"
     assert all(one.beyond == ["water_drift"] and one.level == "one of" for one in made_up)
