@@ -22,8 +22,10 @@ def run_told(
         where = _option(error.where, options) or _file(error, args)
         if where is None:
             raise
-        told: dict[str, object] = {k: getattr(error, k) for k in ("found", "rule", "remedy", "problems")}
-        raise type(error)(error.what, where=where, **told) from error  # type: ignore[arg-type]
+        raise type(error)(
+            error.what, where=where, found=error.found, rule=error.rule, remedy=error.remedy,
+            problems=error.problems,
+        ) from error  # fmt: skip
 
 
 def _option(where: str | None, options: Collection[str]) -> str | None:

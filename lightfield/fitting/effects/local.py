@@ -89,11 +89,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             family=FAMILY,
             stage="source",
             formula="1 - depth*exp(-((time - time0)/duration)**2)",
-            parameters={
-                "depth": _depth(),
-                "time0": _within("s", time, "its middle"),
-                "duration": _between("s", span / len(time), _WIDEST_PART * span, "its half width at 1/e"),
-            },
+            parameters=_for_a_while(time),
             physics="For a while all light is dimmer (or brighter): a bubble on a window, fish that pass.",
             laboratory="Read those places again; watch the window of lamp and receiver.",
         )
@@ -105,16 +101,14 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             )  # fmt: skip
     if (planes := np.unique(np.round(readings.z_m, LINE_DECIMALS))).size > 2:
         near, far = float(planes[0]) - _BEFORE * _EDGE_M, float(planes[-2])
-        if np.isfinite(time).all() and (span := float(np.ptp(time))) > 0:
+        if np.isfinite(time).all() and float(np.ptp(time)) > 0:
             yield OwnEffect(
                 name=CLOUD,
                 family=FAMILY,
                 stage="receiver",
                 formula=f"1 - depth*exp(-((time - time0)/duration)**2)*(1 + tanh((z - z0)/{_EDGE_M:g}))/2",
                 parameters={
-                    "depth": _depth(),
-                    "time0": _within("s", time, "its middle"),
-                    "duration": _between("s", span / len(time), _WIDEST_PART * span, "its half width at 1/e"),
+                    **_for_a_while(time),
                     "z0": OwnParameter(
                         unit="m",
                         range=(float(planes[0]), far),
@@ -194,6 +188,13 @@ def _ripple(
         physics=physics,
         laboratory=laboratory,
     )
+
+
+def _for_a_while(time_s: Array) -> dict[str, OwnParameter]:
+    """Depth, middle and duration of a dip in time."""
+    span = float(np.ptp(time_s))
+    duration = _between("s", span / len(time_s), _WIDEST_PART * span, "its half width at 1/e")
+    return {"depth": _depth(), "time0": _within("s", time_s, "its middle"), "duration": duration}
 
 
 def _part(least: float, most: float) -> OwnParameter:

@@ -121,8 +121,13 @@ class Followed:
     @property
     def verdict(self) -> str:
         """One sentence."""
+        return f"{self.name}: {self.told}"
+
+    @property
+    def told(self) -> str:
+        """The same without the scene's name."""
         found, mission = self.spreads, self.mission
-        believes = f"{self.name}: a follower that believes {self.believed}"
+        believes = f"a follower that believes {self.believed}"
         count = len(self.track.contact)
         if mission.task == "dock":
             docked = int(self.runs["docked"].sum())
@@ -130,9 +135,8 @@ class Followed:
             still = int(on_their_way(self.track).sum())
             over = f"on their way when their {mission.duration_s:g} s were over"
             if docked:
-                return f"{believes} docks in {docked} of {count} runs" + f"; {still} were {over}" * (
-                    still > 0
-                )
+                late = f"; {still} were {over}" if still else ""
+                return f"{believes} docks in {docked} of {count} runs{late}"
             if reached:
                 return f"{believes} misses the dock"
             ends = float(np.linalg.norm(self.track.pose[-1, :, :3], axis=-1).mean())
@@ -288,12 +292,9 @@ class Following:
         asked = {one.mission.standoff_m for one in self.cases}
         docks = any(one.mission.task == "dock" for one in self.cases)
         if len(self.cases) == 1 or docks or len(asked) > 1:
-            told, before = [], ""
-            for one in self.cases:
-                again = one.name == before  # a scene is named once
-                told.append(capital(one.verdict.removeprefix(f"{before}: ")) if again else one.verdict)
-                before = one.name
-            return ". ".join(told)
+            names = [one.name for one in self.cases]  # of cases in a row it is told once
+            pairs = zip(["", *names], self.cases, strict=False)
+            return ". ".join(capital(one.told) if one.name == last else one.verdict for last, one in pairs)
         parts, several = [], len({one.name for one in self.cases}) > 1
         for believes in dict.fromkeys(one.mission.believes for one in self.cases):
             alike = [one for one in self.cases if one.mission.believes == believes]

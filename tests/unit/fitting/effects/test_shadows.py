@@ -16,19 +16,19 @@ Shade = Callable[[Readings], np.ndarray]
 LAMP_M = 0.04
 
 
-def rays(table: Readings, at_m: np.ndarray | float) -> np.ndarray:
+def rays(table: Readings, at_m: np.ndarray | float, lamp_m: float = LAMP_M) -> np.ndarray:
     """Where rays from points of the lamp's disc to every reading pass a distance, x in m, (n, points)."""
     k = (np.arange(300) + 0.5) / 300
-    start = LAMP_M * np.sqrt(k) * np.cos(np.arange(300) * np.pi * (3 - np.sqrt(5)))
+    start = lamp_m * np.sqrt(k) * np.cos(np.arange(300) * np.pi * (3 - np.sqrt(5)))
     part = np.asarray(at_m / table.z_m)
     return start + (table.x_m[:, None] - start) * np.broadcast_to(part, table.x_m.shape)[:, None]
 
 
-def strut(x_m: float, z_m: float, width_m: float) -> Shade:
+def strut(x_m: float, z_m: float, width_m: float, lamp_m: float = LAMP_M) -> Shade:
     """An upright rod that stands in the tank."""
 
     def shade(table: Readings) -> np.ndarray:
-        hidden = np.abs(rays(table, z_m) - x_m) < 0.5 * width_m
+        hidden = np.abs(rays(table, z_m, lamp_m) - x_m) < 0.5 * width_m
         return np.where(table.z_m > z_m, 1 - hidden.mean(axis=1), 1.0)
 
     return shade
@@ -64,6 +64,7 @@ def bubbles(x_m: float, z_m: float, width_m: float) -> Shade:
         pytest.param(carried(0.15, 0.4, 0.2), "dip_in_x", {"x0": 0.15 * 1.065}, id="strut on the carriage"),
         pytest.param(strut(-0.2, 6.0, 0.08), "plume", {"x0": -0.2, "z0": 6.0}, id="strut in the tank"),
         pytest.param(strut(-0.1, 3.0, 0.1), "plume", {"x0/z0": -0.1 / 3.0}, id="strut before all planes"),
+        pytest.param(strut(0.1, 2.0, 0.024, 0.005), "plume", {"x0/z0": 0.05}, id="narrow and black"),
         pytest.param(bubbles(0.15, 6.0, 0.1), "plume", {"x0": 0.15, "z0": 6.0}, id="bubbles"),
     ],
 )
