@@ -16,7 +16,8 @@ from lightfield.scene.curve import Nodes
 
 #: Nodes of a curve: three for each bend of the finest function. Chosen.
 NODES = 61
-#: A curve that a fit tries is clipped here, a factor of 1100. Chosen: no lamp has more, no number overflows.
+#: A curve that a fit tries is clipped here, a factor of 1100. Chosen: no number overflows. A lamp's profile
+#: may be more (`curves.py`).
 LARGEST = 7.0
 #: What differs by less is one: coordinates as a part of their range, curves of their largest value. Derived:
 #: as `least_squares` holds a parameter to be at a bound.
