@@ -27,10 +27,10 @@ TANK_M = (2.0, 2.44, 0.5, 11.5)
 RELATIVE, DARK, STAY = 0.005, 0.0005, 0.002
 ABSORPTION_PER_M, HWHM_DEG = 0.1, 3.81
 HWHM_IN_TANK_DEG = 13.0
-#: Where dissolved matter is hidden: wavelengths that are read, what clear water absorbs there; slope of the
-#: matter's absorption (Bricaud, Morel and Prieur 1981).
+#: Where dissolved matter is hidden: wavelengths that are read, what clear water absorbs there (the table goes
+#: further by one each way); slope of the matter's absorption (Bricaud, Morel and Prieur 1981).
 WATER = HERE / "water.csv"
-COLOURS = tuple(map(tuple, np.loadtxt(WATER, delimiter=",", skiprows=2, usecols=(0, 1))))
+COLOURS = tuple(map(tuple, np.loadtxt(WATER, delimiter=",", skiprows=2, usecols=(0, 1))))[1:-1]
 SLOPE_PER_NM = 0.014
 #: The experimenter's half width over the true one; his absorption.
 WIDER, BELIEVED_PER_M = 4.2 / HWHM_DEG, 0.15

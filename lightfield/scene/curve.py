@@ -14,8 +14,11 @@ from lightfield.errors import RuleError
 
 #: Nodes are coordinates of any kind, and departures that no exponential takes out of the range of numbers.
 _FARTHEST, LARGEST = 1e12, 20.0
+#: Of a beam: as far as a Gaussian falls, ten and more half widths off its axis.
+LARGEST_OF_BEAM = 300.0
 Coordinate = Annotated[float, Field(strict=True, ge=-_FARTHEST, le=_FARTHEST)]
 Departure = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
+BeamDeparture = Annotated[float, Field(strict=True, ge=-LARGEST_OF_BEAM, le=LARGEST_OF_BEAM)]
 #: What is added to readings has their unit, whichever it is.
 ReadingDeparture = Annotated[float, Field(strict=True, ge=-1e9, le=1e9)]
 
@@ -30,6 +33,7 @@ def _rising(nodes: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float]
 
 #: Coordinate and value of every node; no nodes stand for no departure at all.
 Curve = Annotated[tuple[tuple[Coordinate, Departure], ...], AfterValidator(_rising)]
+BeamCurve = Annotated[tuple[tuple[Coordinate, BeamDeparture], ...], AfterValidator(_rising)]
 ShownCurve = Annotated[tuple[tuple[Coordinate, ReadingDeparture], ...], AfterValidator(_rising)]
 Nodes = tuple[tuple[float, float], ...]
 

@@ -11,8 +11,9 @@ from collections.abc import Iterable
 
 from lightfield.fitting.effects.effect import Effect, Form, Free
 
-#: An amplitude that is large: a lamp that is a Gaussian no more. Chosen.
-_LARGE, _TYPICAL = 2.5, 0.02
+#: An amplitude that is large: water or a lamp's power that is another one. Of a beam three times that: a flat
+#: top with a steep edge ended at 2.5 amid a valley, chi-square twice that of its floor. Chosen.
+_LARGE, _OF_BEAM, _TYPICAL = 2.5, 7.0, 0.02
 #: Of which a lamp table is made.
 BEAM_PROFILE = "beam_profile"
 
@@ -39,7 +40,7 @@ EFFECTS = (
     Effect(
         BEAM_PROFILE,
         "beam shape",
-        _forms("lamp.profile_departure", (2, 4, 7, 11), refining=(19,)),
+        _forms("lamp.profile_departure", (2, 4, 7, 11), refining=(19, 31), large=_OF_BEAM),
         "The beam has a shape of its own, which no formula describes: rings, a flat top, a peak, a hole.",
         "A function of the angle from the beam's axis alone, the same at every distance.",
         "Measure the lamp in air at one range with a fine angular step and use that table; behind a flat "

@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from lightfield.errors import RuleError
 from lightfield.scene.acts import Acts
-from lightfield.scene.curve import Curve
+from lightfield.scene.curve import BeamCurve, Curve
 from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.parameters import Part, TablePath, declare, number
 from lightfield.scene.spectral.peaks import Peak, way_written
@@ -127,7 +127,7 @@ class Lamp(Part):
         None, "for spectrum table: CSV (wavelength_nm, power), any scale", Acts.POWER
     )
 
-    profile_departure: Curve = declare(
+    profile_departure: BeamCurve = declare(
         (),
         "[[angle_deg, ln of a factor], ...] on the intensity of the profile: linear between, constant beyond",
         Acts.BEAM, neutral=(), later=True,

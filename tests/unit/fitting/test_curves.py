@@ -239,7 +239,7 @@ def test_curves_are_kept_apart_from_named_effects() -> None:
     sizes = {name: [len(c.amplitudes) for c in found.curves if c.name == name] for name in told}
     # Five distances tell of three functions beside gain and absorption.
     few = {"attenuation_profile": [2, 3], "plane_gain": [3]}
-    assert sizes == {"beam_profile": [2, 4, 7, 11, 19], "lamp_power_curve": [3, 6], **few}
+    assert sizes == {"beam_profile": [2, 4, 7, 11, 19, 31], "lamp_power_curve": [3, 6], **few}
     # Of these two leave one distance over, that could contradict them; and three none.
     spare = [c.spare for c in found.curves if c.name == "attenuation_profile"]
     assert spare == [1, 0]

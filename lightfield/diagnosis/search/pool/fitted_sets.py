@@ -191,8 +191,7 @@ class Pool:
             What it would cost, were the model linear: what may be near is fitted to the end, also where it
             was once left far away.
         """
-        order = self.problem.candidates
-        whole = tuple(sorted(explanation, key=order.index))
+        whole = self.in_order(explanation)
         if (known := self.nodes.get(frozenset(c.key for c in whole))) is not None:
             if known.key in self._finished or not self._is_near(promised):
                 return known
@@ -207,6 +206,10 @@ class Pool:
         done = self.finished(node) if near or not node.is_diffuse else node
         self.progress(self.best())
         return done
+
+    def in_order(self, explanation: Iterable[Candidate]) -> Explanation:
+        """Effects in the order of the table, in which a set is kept."""
+        return tuple(sorted(explanation, key=self.problem.candidates.index))
 
     def _is_near(self, cost: float) -> bool:
         """Is a set of that cost not far from the best?"""
@@ -257,7 +260,7 @@ class Pool:
         """Fit a set from typical sizes of its effects, beside the scene's own values and those of the base
         model, and keep that where it is better."""
         problem, base = self.problem, self.nodes[frozenset()].fit.u
-        whole = tuple(sorted(explanation, key=problem.candidates.index))
+        whole = self.in_order(explanation)
         paths = [p.path for p in problem.model(whole).parameters]
         stated = np.array([p.start for p in problem.base])
         starts = [problem.default_start(u, whole) for u in (stated, base)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, Promise, begin_at
+from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet, SetKey
 from lightfield.memory import give_back
 
@@ -154,8 +155,14 @@ def _other_forms(pool: Pool, best: FittedSet, allowed: Admits) -> None:
             whole = [other if c is candidate else c for c in best.explanation]
             if not (nested and other is not candidate and allowed(other) and pool.affordable(whole)):
                 continue
-            if not other.form.refines or _is_mostly(pool, best, candidate):
+            if not other.form.refines:
                 pool.fit(whole, [begin_at(best)])
+            elif _is_mostly(pool, best, candidate):
+                pool.fit(whole, [begin_at(best)])
+                # Coarser curves of a steep edge are laid over a beam half as wide as the lamp's.
+                others = {p.path for c in whole if c is not other for p in c.parameters}
+                kept = {path: u for path, u in best.fit.by_path.items() if path in others}
+                pool.also_from(pool.in_order(whole), [Begin(kept)])
 
 
 def _is_mostly(pool: Pool, node: FittedSet, curve: Candidate) -> bool:

@@ -37,7 +37,7 @@ def finer_lamp(finding: SearchResult) -> FittedSet | None:
         return None
     pool, whiten = many.pool, many.bench.whiten
     others = (c for c in node.explanation if c.name != curve.name and c.name not in curve.effect.contains)
-    whole = tuple(sorted((*others, curve), key=pool.problem.candidates.index))
+    whole = pool.in_order((*others, curve))
     model = pool.problem.model(whole)
     same = curve.name in node.names
     here = model.at(node.fit.by_path if same else dict(laid_over(pool, node, curve).u))
