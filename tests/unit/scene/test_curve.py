@@ -59,7 +59,7 @@ def test_empty_curves_leave_the_key_of_a_scene_as_it_was() -> None:
     [
         ([[1, 0], [1, 0.1]], "must rise"),
         ([[2, 0], [1, 0.1]], "must rise"),
-        ([[0, 30]], "profile_departure"),
+        ([[0, 301]], "profile_departure"),
         ([[0, "much"]], "profile_departure"),
         ([[0]], "profile_departure"),
         ([[0, float("nan")]], "profile_departure"),
