@@ -176,6 +176,10 @@ class DetectionLimit(Record):
     within_range: bool = Field(description="false: not even its largest plausible size would have been seen")
 
 
+#: A prediction that is off by more tells nothing by how much, %. Chosen: words and pictures alone.
+FAR_OFF_PERCENT = 1000.0
+
+
 class Rung(Record):
     """One step of the ladder from the base model to the explanation."""
 

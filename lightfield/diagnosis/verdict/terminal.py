@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from lightfield.diagnosis.problem.untestable import Hindrance, in_words
-from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Kind, WaterAndBeam, WhyAside
+from lightfield.diagnosis.verdict.parts import (
+    FAR_OFF_PERCENT,
+    Estimate,
+    FoundEffect,
+    Kind,
+    WaterAndBeam,
+    WhyAside,
+)
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
@@ -29,7 +36,7 @@ def as_text(verdict: Verdict) -> str:
         for rung in verdict.ladder:
             part = "-" if rung.removed_percent is None else f"{rung.removed_percent:.1f}"
             numbers = f"{_short(rung.error_percent):>9}{_short(rung.chi2_per_dof):>10}"
-            numbers += f"{_short(rung.held_out_percent):>12}{part:>11}"
+            numbers += f"{_held_out(rung.held_out_percent):>12}{part:>11}"
             lines.append(f"{rung.label:<28}{numbers}")
             if rung.rendered_error_percent is not None:
                 about = f"{_short(rung.rendered_error_percent):>9}"
@@ -86,6 +93,10 @@ def _short(number: float | None) -> str:
     if number is None:
         return "-"
     return f"{number:.2f}" if abs(number) < _LONG else f"{number:.1e}"
+
+
+def _held_out(percent: float | None) -> str:
+    return f"> {FAR_OFF_PERCENT:g}" if percent is not None and percent > FAR_OFF_PERCENT else _short(percent)
 
 
 def _found(found: Sequence[FoundEffect]) -> list[str]:

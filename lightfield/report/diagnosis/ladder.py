@@ -12,7 +12,7 @@ from matplotlib.patheffects import withStroke
 
 from lightfield.arrays import Array
 from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA
-from lightfield.diagnosis.verdict.parts import Rung
+from lightfield.diagnosis.verdict.parts import FAR_OFF_PERCENT, Rung
 from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW
 from lightfield.report.diagnosis.view import Separation
 from lightfield.report.page import three_digits
@@ -29,6 +29,7 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
     at = np.arange(len(ladder))
     error = np.array([rung.error_percent for rung in ladder], float)
     held_out = np.array([np.nan if r.held_out_percent is None else r.held_out_percent for r in ladder])
+    held_out = np.where(held_out > FAR_OFF_PERCENT, np.nan, held_out)
     texts = [
         f"{three_digits(value)} %" if value >= LEAST_PERCENT else f"< {LEAST_PERCENT:g} %" for value in error
     ]

@@ -9,6 +9,7 @@ from typing import Any
 from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.diagnosis.verdict.next_measurement import what_next
 from lightfield.diagnosis.verdict.parts import (
+    FAR_OFF_PERCENT,
     AcceptedExplanation,
     DetectionLimit,
     FoundEffect,
@@ -290,7 +291,7 @@ def _rung(rung: Rung) -> list[str]:
         plain(rung.label),
         _optional(rung.error_percent),
         _percent(rung.chi2_per_dof),
-        _optional(rung.held_out_percent),
+        _held_out(rung.held_out_percent),
         three_digits(rung.removed_percent),
         fresh,
     ]
@@ -311,7 +312,7 @@ def _explanation(each: AcceptedExplanation, stated: Sequence[StatedEffect]) -> d
         "effects": " + ".join(named_beside_scene(each, stated)),
         "weight": f"{each.weight:.2f}",
         "error": _optional(each.error_percent),
-        "held_out": _optional(each.held_out_percent),
+        "held_out": _held_out(each.held_out_percent),
         "values": values,
     }
 
@@ -332,6 +333,12 @@ def _limit(name: str, each: DetectionLimit) -> dict[str, str]:
 
 def _optional(value: float | None, digits: int = 3) -> str:
     return "–" if value is None else _percent(value, digits)
+
+
+def _held_out(percent: float | None) -> str:
+    return (
+        f"> {FAR_OFF_PERCENT:g}" if percent is not None and percent > FAR_OFF_PERCENT else _optional(percent)
+    )
 
 
 def _floor(value: float | None) -> str:
