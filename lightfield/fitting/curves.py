@@ -29,7 +29,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.smooth_functions import LARGEST, NODES, Basis, Family, basis_of, bent
+from lightfield.fitting.beam_width import beam_width_deg
+from lightfield.fitting.smooth_functions import NODES, Basis, Family, basis_of, bent
 from lightfield.formula.path import rays
 from lightfield.readings import Readings
 from lightfield.readings.columns import LINE_DECIMALS
@@ -58,6 +59,11 @@ _MOST = {PROFILE: 31, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, 
 #: falls by a factor of eight within a degree; with 61 nodes its edge was told to be a ripple over the angle,
 #: and chi-square per reading stayed at 4.8 (1.8 with these). Chosen.
 _PROFILE_NODES = 121
+#: The most that a function of a lamp's profile bends: root of the integral of its squared second derivative
+#: over the angle in half widths. Between dim readings far out, where nothing else holds it, a curve else rose
+#: to 1e3 times the lamp, and fits ended in valleys beside; flat tops with edges of a fifteenth of their half
+#: width need no more than 30, with kinks 100. Chosen (60 lamps of ten shapes that the package does not know).
+_MOST_BENT = 100.0
 #: Readings that a plane has, in the mean, where its gain is asked for: fewer are all that a gain
 #: is made of. Chosen.
 _EACH = 3
@@ -117,9 +123,9 @@ class Curves:
     def parameters(self) -> dict[str, Parameter]:
         """Every amplitude by its path."""
         return {
-            path: Parameter(path, "1", f"amplitude {k} of {field}", -LARGEST, LARGEST, 0.0, 0.0)
+            path: Parameter(path, "1", f"amplitude {k} of {field}", -end, end, 0.0, 0.0)
             for field, basis in self.bases.items()
-            for k, path in enumerate(basis.paths, 1)
+            for k, (path, end) in enumerate(basis.ends.items(), 1)
         }
 
     def stated(self, values: Mapping[str, float]) -> Stated:
@@ -191,9 +197,13 @@ class Curves:
         # What could contradict it is not other angles alone, but the other places at each.
         where = np.stack([np.asarray(v, float) for v in (r.x_m, r.y_m, r.z_m)])[:, self.weight > 0]
         places = len(np.unique(np.round(where, LINE_DECIMALS), axis=1).T)
+        if found is None:
+            return None
         # Six half widths off its axis a Gaussian is down by e^25, a lamp with a skirt by e^8: held to what
         # other curves may be, a lamp's would miss readings.
-        return found and replace(found, told=max(found.told, places - known), most=LARGEST_OF_BEAM)
+        most, width = LARGEST_OF_BEAM, beam_width_deg(self.scene, r)
+        largest = _MOST_BENT / (found.bends * width**1.5)
+        return replace(found, told=max(found.told, places - known), most=most, largest=largest)
 
     def _absorption(self) -> Basis | None:
         r = self.readings

@@ -51,6 +51,8 @@ class Basis:
         Weighted rms of what amplitudes of 1 change in the logarithm of the readings.
     most : float
         No value of the curve is larger.
+    largest : array, shape (n_functions,), optional
+        No amplitude is larger; as large as a curve may be unless given.
     """
 
     field: str
@@ -59,11 +61,24 @@ class Basis:
     told: int
     size: Array
     most: float = LARGEST
+    largest: Array | None = None
 
     @cached_property
     def paths(self) -> tuple[str, ...]:
         """One per amplitude."""
         return tuple(path_of(self.field, k) for k in range(1, self.functions.shape[1] + 1))
+
+    @cached_property
+    def ends(self) -> dict[str, float]:
+        """How large each amplitude may be, by path."""
+        largest = np.full(len(self.paths), LARGEST) if self.largest is None else self.largest
+        return dict(zip(self.paths, np.minimum(largest, LARGEST).tolist(), strict=True))
+
+    @cached_property
+    def bends(self) -> Array:
+        """Root of the integral of the squared second derivative of each function, shape (n_functions,)."""
+        step = np.diff(self.place).mean()
+        return np.asarray(np.sqrt((np.diff(self.functions, 2, axis=0) ** 2).sum(axis=0) / step**3))
 
     def curve(self, amplitudes: Array) -> Array:
         """The curve at its nodes, shape (n_nodes,)."""

@@ -13,6 +13,7 @@ from lightfield.diagnosis.adequacy.score_tests import Adequacy, AdequacyTest
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation
+from lightfield.fitting.curves import PROFILE, field_of
 from lightfield.fitting.effects.registry import curves
 from lightfield.fitting.least_squares import Fit
 
@@ -36,8 +37,9 @@ class FittedSet:
 
     @cached_property
     def bounded(self) -> set[str]:
-        """Paths of what lies at an end of its range."""
-        return {path for path, at in zip(self.fit.paths, self.fit.at_bound(), strict=True) if at}
+        """Paths of what lies at an end of its range; a lamp's curve that may not bend more is what it is."""
+        at_bound = zip(self.fit.paths, self.fit.at_bound(), strict=True)
+        return {path for path, at in at_bound if at and field_of(path) != PROFILE}
 
     @cached_property
     def none_of(self) -> set[str]:

@@ -23,8 +23,7 @@ _FARTHER, _ASKED = 10.0, 6.0
 
 def at_ends(explanation: Explanation, fit: Fit) -> set[str]:
     """Amplitudes, by path, that lie at an end of what is plausible: neither off, nor of what may be none."""
-    at = fit.by_path
-    bounded = {path for path, is_there in zip(fit.paths, fit.at_bound(), strict=True) if is_there}
+    at, bounded = fit.by_path, FittedSet(explanation, fit).bounded
     return {
         p.path
         for c in explanation
