@@ -1,20 +1,12 @@
-"""The page of the field cases."""
+"""The page of cases that were diagnosed: scores, and case by case."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from benchmarks.field.cases import Row, explained, found, wrong
-
-_HEAD = """# Field cases: many effects at once
-
-Readings as a real campaign gives them, from a Monte Carlo code of its own that shares nothing with this
-program: three to five effects at once, pairs of scattering with a moved lamp, and lamps that no Gaussian
-describes ("flood", "ringed"), alone and with up to three effects. The scenes are what the experimenter
-believes: half width and absorption 10 to 25 % off. Written by `python -m benchmarks.field`.
-"""
 
 
 def _part(count: int, whole: int) -> str:
@@ -52,14 +44,9 @@ _NAMES = (
 )  # fmt: skip
 
 
-def page(rows: Sequence[Row]) -> str:
-    """The page, as Markdown."""
-    kinds = {
-        "all": rows,
-        "Gaussian lamp": [r for r in rows if not r["lamp"]],
-        "other lamp": [r for r in rows if r["lamp"]],
-    }
-    lines = [_HEAD, f"{len(rows)} cases.", "", f"| | {' | '.join(kinds)} |", "|---|" + "---|" * len(kinds)]
+def page(rows: Sequence[Row], head: str, kinds: Mapping[str, Sequence[Row]]) -> str:
+    """The page, as Markdown: scores of kinds of cases side by side, and every case."""
+    lines = [head, f"{len(rows)} cases.", "", f"| | {' | '.join(kinds)} |", "|---|" + "---|" * len(kinds)]
     columns = [_scores(mine) if mine else ["-"] * len(_NAMES) for mine in kinds.values()]
     for k, name in enumerate(_NAMES):
         lines.append(f"| {name} | {' | '.join(column[k] for column in columns)} |")
