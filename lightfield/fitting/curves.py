@@ -51,7 +51,7 @@ FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, HALO, PLANES, BACKGROUND
 #: Most functions of each: of a lamp's profile 7 left rings and flat tops unexplained that 11 explain, and 11
 #: a measured flood with a steep edge and a step (what 7, 11 and 19 miss of 105 readings without noise: 1676,
 #: 136, 17 in chi-square; lamps of `benchmarks/many_effects`), and 19 a flat top whose edge falls by a factor
-#: of ten within 0.7 degrees (chi-square per reading 6.0, with 31 1.2: `test_flat_top_lamp`). K(z) at five
+#: of ten within 0.7 degrees (chi-square per reading 6.0, with 31 1.2: `test_lamps`). K(z) at five
 #: distances has three, and hardly more are told apart at fifteen; six are a lamp's warm-up and a step. Eight
 #: follow the colour of a filter or of pigments 50 nm apart. Planes have a gain each, or are not asked.
 _MOST = {PROFILE: 31, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, PLANES: 30, BACKGROUND: 8}
@@ -64,6 +64,8 @@ _PROFILE_NODES = 121
 #: to 1e3 times the lamp, and fits ended in valleys beside; flat tops with edges of a fifteenth of their half
 #: width need no more than 30, with kinks 100. Chosen (60 lamps of ten shapes that the package does not know).
 _MOST_BENT = 100.0
+#: Power of the width in that: derived.
+_BY_WIDTH = 1.5
 #: Readings that a plane has, in the mean, where its gain is asked for: fewer are all that a gain
 #: is made of. Chosen.
 _EACH = 3
@@ -202,7 +204,7 @@ class Curves:
         # Six half widths off its axis a Gaussian is down by e^25, a lamp with a skirt by e^8: held to what
         # other curves may be, a lamp's would miss readings.
         most, width = LARGEST_OF_BEAM, beam_width_deg(self.scene, r)
-        largest = _MOST_BENT / (found.bends * width**1.5)
+        largest = _MOST_BENT / (found.bends * width**_BY_WIDTH)
         return replace(found, told=max(found.told, places - known), most=most, largest=largest)
 
     def _absorption(self) -> Basis | None:

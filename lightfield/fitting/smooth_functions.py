@@ -18,7 +18,7 @@ from lightfield.scene.curve import Nodes
 NODES = 61
 #: A curve that a fit tries is clipped here, a factor of 1100. Chosen: no number overflows. A lamp's profile
 #: may be more (`curves.py`).
-LARGEST = 7.0
+_LARGEST = 7.0
 #: What differs by less is one: coordinates as a part of their range, curves of their largest value. Derived:
 #: as `least_squares` holds a parameter to be at a bound.
 _SAME_PART = 1e-6
@@ -60,7 +60,7 @@ class Basis:
     functions: Array
     told: int
     size: Array
-    most: float = LARGEST
+    most: float = _LARGEST
     largest: Array | None = None
 
     @cached_property
@@ -71,8 +71,8 @@ class Basis:
     @cached_property
     def ends(self) -> dict[str, float]:
         """How large each amplitude may be, by path."""
-        largest = np.full(len(self.paths), LARGEST) if self.largest is None else self.largest
-        return dict(zip(self.paths, np.minimum(largest, LARGEST).tolist(), strict=True))
+        largest = np.full(len(self.paths), _LARGEST) if self.largest is None else self.largest
+        return dict(zip(self.paths, np.minimum(largest, _LARGEST).tolist(), strict=True))
 
     @cached_property
     def bends(self) -> Array:

@@ -89,7 +89,7 @@ def problem(table: Readings, *names: str) -> Problem:
 def fitted(problem: Problem, stderr: np.ndarray) -> Fit:
     """The largest curve together with every named effect, from where nothing departs.
 
-    But one of 31 functions, which are for steep edges (test_flat_top_lamp.py).
+    But one of 31 functions, which are for steep edges (test_lamps.py).
     """
     chosen = ([c for c in problem.curves if len(c.amplitudes) < 31][-1], *problem.candidates)
 

@@ -21,7 +21,7 @@ _LEAST = 1.0
 _ROUNDS, _SWAPS, _REACH = 6, 10, 8.0
 #: A curve is refined that makes chi-square so many times smaller: those of a measured flood with a steep edge
 #: do 180 to 920 times, in readings with errors of 0.4 and 1 %, those of flat tops with steeper ones, which 11
-#: functions hardly follow, 22 to 33 times (test_flat_top_lamp.py); those that follow a ripple of the angle,
+#: functions hardly follow, 22 to 33 times (test_lamps.py); those that follow a ripple of the angle,
 #: which is no lamp's, 2 to 15 times (`benchmarks/many_effects`, `benchmarks/hidden_effects`).
 _MOSTLY = 20.0
 
