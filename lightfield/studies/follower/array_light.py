@@ -348,7 +348,7 @@ def _slopes_between(sides: Sequence[_Side], found: Array) -> Array:
 
 
 def _in_turn(lights: Sequence[Light], *rows: Array) -> Iterator[tuple[Any, ...]]:
-    """Lights with their parts of arrays, alike long; one that comes again and again once, with all of its own."""
+    """Lights with their parts of arrays, alike long; one that comes several times in a row but once."""
     each, first = len(rows[0]) // len(lights), 0
     for _, same in groupby(lights, key=id):
         light, *more = same
