@@ -12,6 +12,7 @@ import pytest
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import Readings
 from lightfield.render.at_readings import render_positions, rendered_light
+from lightfield.render.diffuse.diffuse_response import DiffuseResponse
 from lightfield.render.diffuse.directed import Keeper
 from lightfield.render.diffuse.followed import FollowedLight
 from lightfield.render.diffuse.ratio import Ratio, traced_ratio
@@ -137,6 +138,13 @@ def traced(lit: Scene) -> tuple[np.ndarray, np.ndarray, Ratio]:
     return mean, noise, traced_ratio(lit, x, y, z, np.array([525.0]), photons=1e6, seed=5)
 
 
+@cache
+def response(believed: Scene) -> DiffuseResponse:
+    """A fit's own trace, by which it follows several scenes."""
+    x, y, z = np.asarray(believed.detector.positions_m, float).T
+    return response_for(believed, x, y, z, photons=1_000_000, keeper=Keeper(cache=False))
+
+
 def followed(lit: Scene, believed: Scene) -> list[tuple[float, float, float]]:
     """Light that a fit follows over that of a fresh trace, on two planes; its stated error; the trace's.
 
@@ -144,8 +152,7 @@ def followed(lit: Scene, believed: Scene) -> list[tuple[float, float, float]]:
     """
     x, y, z = np.asarray(lit.detector.positions_m, float).T
     mean, noise, ratio = traced(lit)
-    response = response_for(believed, x, y, z, photons=1_000_000, keeper=Keeper(cache=False))
-    follows = FollowedLight.of(response, (x, y, z), [(lit, ratio)])
+    follows = FollowedLight.of(response(believed), (x, y, z), [(lit, ratio)])
     light = follows.light(lit, [None])[0]
     modes, smooth = follows.errors(lit, [None], np.zeros(len(x), int))
     out = []
