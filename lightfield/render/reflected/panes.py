@@ -155,14 +155,14 @@ def _seen(lamp: Lamp, tank: Tank, places: Array, numbers: NDArray[np.int_]) -> S
     by_high = (np.abs(numbers) + (numbers > 0)) // 2
     surfaces = by_high[:, 1]
     panes = np.abs(numbers) - np.array([[0, 1, 0]]) * surfaces[:, None]
-    least = _FAINT / (places[:, 2] - source[2]) ** 2
-    mirrors = [*((axis, panes[:, axis], reflectance) for axis in range(3)), (1, surfaces, fresnel)]
-    for axis, times, reflects in mirrors:
-        meets = np.flatnonzero(times[which])
-        facing[meets] *= reflects(np.abs(way[meets, axis]) / r[meets]) ** times[which[meets]]
-        bright = np.flatnonzero(facing > least[place])  # no mirror makes more of it
-        which, place, way, r, facing = which[bright], place[bright], way[bright], r[bright], facing[bright]
-    arriving = way / r[:, None]
+    for axis in range(3):
+        meets = np.flatnonzero(panes[which, axis])
+        facing[meets] *= reflectance(np.abs(way[meets, axis]) / r[meets]) ** panes[which[meets], axis]
+    meets = np.flatnonzero(surfaces[which])
+    facing[meets] *= fresnel(np.abs(way[meets, 1]) / r[meets]) ** surfaces[which[meets]]
+    bright = np.flatnonzero(facing > _FAINT / (places[place, 2] - source[2]) ** 2)
+    which, place, r, facing = which[bright], place[bright], r[bright], facing[bright]
+    arriving = way[bright] / r[:, None]
     leaving = np.where(odd[which], -arriving, arriving)
     z = r * leaving[:, 2] + source[2]
     met = np.ones(len(which), bool)
