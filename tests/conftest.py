@@ -33,9 +33,18 @@ settings.register_profile("lightfield", deadline=None, derandomize=True)
 settings.load_profile("lightfield")
 
 
+# Until all tests are collected, next to nothing is garbage.
+gc.disable()
+
+
 def pytest_collection_finish() -> None:
-    """Thousands of tests stay to the end: Python need not search them for garbage over and over."""
+    """Thousands of tests stay to the end: Python need not search them for garbage over and over.
+
+    Nor what is new, after every 700 objects: modules that tests bring late stay as well.
+    """
     gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
+    gc.enable()
 
 
 def pytest_sessionfinish() -> None:

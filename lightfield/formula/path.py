@@ -32,8 +32,8 @@ class Ray:
         Their length, the r of the inverse square.
     water_m : array, m
         Part of the ray behind the window plane.
-    height_m : array, m
-        Mean y of that part.
+    y_m : array, m
+        Of the receiver.
     """
 
     dx: Array
@@ -41,7 +41,12 @@ class Ray:
     dz: Array
     r: Array
     water_m: Array
-    height_m: Array | float = 0.0
+    y_m: Array | float = 0.0
+
+    @property
+    def height_m(self) -> Array:
+        """Mean y of the part of the ray behind the window plane, m."""
+        return np.asarray(self.y_m - 0.5 * self.dy * (self.water_m / self.r))
 
 
 def rays(
@@ -62,7 +67,7 @@ def rays(
     r = np.sqrt(dx * dx + dy * dy + dz * dz)
     behind = lamp.apparent_distance_m
     water = beyond_window(r, z_m, behind) if behind else r
-    return Ray(dx, dy, dz, r, water, y_m - 0.5 * dy * (water / r))
+    return Ray(dx, dy, dz, r, water, y_m)
 
 
 def optical_depth(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -77,9 +78,16 @@ def pieces(scene: Scene) -> int:
 
 def middles_nm(scene: Scene) -> Array:
     """Middles of `_PIECES` equal parts of every band as it is read, shape (n_bands, _PIECES), nm."""
-    bands = np.asarray(scene.detector.bands_read_nm, float)
+    return _middles(scene.detector.bands_read_nm)
+
+
+@lru_cache(64)
+def _middles(bands_nm: tuple[tuple[float, float], ...]) -> Array:
+    bands = np.asarray(bands_nm, float)
     at = (np.arange(_PIECES) + 0.5) / _PIECES
-    return np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
+    found = np.asarray(bands[:, :1] + (bands[:, 1:] - bands[:, :1]) * at)
+    found.setflags(write=False)
+    return found
 
 
 def molecular_share(scene: Scene) -> float:

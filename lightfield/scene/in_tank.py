@@ -20,6 +20,8 @@ from lightfield.scene.water.water import Water
 _WIDTH_M = 2.0  # of a plane, where nothing is said and the tank has room
 ROUNDING_M = 1e-9
 _SLAB, _DISTANCE, _STANDOFF = "layer_centre_m", "z_m", "standoff_m"
+#: What surface and panes are where there is no tank.
+_NO_TANK = Tank()
 #: What the ends of the tank in x, y and z follow from.
 _SIZES = (("width_m",), ("depth_m", "lamp_depth_m"), ("length_m", "behind_lamp_m"))
 
@@ -29,7 +31,7 @@ def mirrors_follow(values: Mapping[str, Any], tank: Tank | None) -> dict[str, An
 
     A surface and its reflectance, panes and theirs: of which one alone is set, the other follows.
     """
-    out, now = dict(values), tank or Tank()
+    out, now = dict(values), tank or _NO_TANK
     surface, reflectance = values.get("tank.surface"), values.get("tank.surface_reflectance")
     if surface is None and isinstance(reflectance, float | int):
         out["tank.surface"] = "flat" if reflectance > 0 else "none"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -186,7 +187,7 @@ class Shift:
         known = np.isfinite(stderr) & (mean > 0)
         error = np.where(known, stderr, 0.0)
         relative = np.divide(error, mean, out=np.zeros_like(mean), where=known)
-        weights = self.parts.quadratic()
+        weights = self._unmoved
         unsure = np.asarray(abs(weights) @ (~known | (relative > _NOISY)).astype(float)) > 0
         squares = weights.power(2)
         plain = np.maximum(weights @ mean, 0.0), np.sqrt(squares @ error**2)
@@ -199,6 +200,11 @@ class Shift:
         relative = np.divide(error, value, out=np.zeros_like(value), where=value > 0)
         of_each = self.parts.weight * relative[self.parts.which]
         return light, light * np.sqrt((of_each**2).sum(axis=0))
+
+    @cached_property
+    def _unmoved(self) -> sparse.csr_array:
+        """`ShiftParts.quadratic` of light whose source is where it was traced."""
+        return self.parts.quadratic()
 
     def _at_places(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the places, (..., n_cells) to (..., n_places), see `apply`."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, Protocol
+from itertools import groupby
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -190,10 +191,7 @@ class ArrayModel:
         lamp_tilts : array, shape (m, 2), rad, optional
             Of the lamp, towards +x and up, beyond the scene's; all of its light turns with it.
         """
-        back = _back(lamp_tilts)
-        place, normal = (v @ back for v in placed(self.elements, poses))
-        read = self.light.reading(place.reshape(-1, 3), normal.reshape(-1, 3))
-        return self.gain * read.reshape(len(poses), len(self.elements))
+        return self._read_in([self.light], poses, lamp_tilts)
 
     def with_errors(self, pose: Array) -> tuple[Array, Array]:
         """Readings at one pose and the standard errors that a trace leaves them, shape (n_elements,)."""
@@ -224,17 +222,20 @@ class ArrayModel:
 
     def by_nuisances(self, poses: Array, names: Sequence[str]) -> Array:
         """Derivatives by what is no pose and no gain, shape (m, n_elements, len(names)), see `slopes`."""
-        found = np.zeros((len(poses), len(self.elements), len(names)))
-        for k, name in enumerate(names):
-            found[..., k] = self._around(name).slope("readings", poses)
-        return found
+        if not names:
+            return np.zeros((len(poses), len(self.elements), 0))
+        sides = self._sides(names)
+        found = self._read_in([s.light for s in sides], *_at_each(sides, poses))
+        return np.ascontiguousarray(np.moveaxis(_slopes_between(sides, found), 0, 2))
 
     def by_both(self, poses: Array, names: Sequence[str], nuisances: Sequence[str]) -> Array:
         """Derivatives of `by_nuisances` by the pose, shape (m, n_elements, len(nuisances), len(names))."""
-        found = np.zeros((len(poses), len(self.elements), len(nuisances), len(names)))
-        for k, name in enumerate(nuisances):
-            found[:, :, k] = self._around(name).slope("by_pose", poses, names)
-        return found
+        if not nuisances:
+            return np.zeros((len(poses), len(self.elements), 0, len(names)))
+        sides = self._sides(nuisances)
+        at, tilts = _at_each(sides, poses)
+        found = self._by_pose_in([s.light for s in sides], at, names, tilts)
+        return np.ascontiguousarray(np.moveaxis(_slopes_between(sides, found), 0, 2))
 
     def by_pose(self, poses: Array, names: Sequence[str], lamp_tilts: Array | None = None) -> Array:
         """Derivatives by coordinates of the pose, shape (m, n_elements, len(names)).
@@ -246,13 +247,31 @@ class ArrayModel:
         lamp_tilts : array, shape (m, 2), rad, optional
             As of `readings`.
         """
+        return self._by_pose_in([self.light], poses, names, lamp_tilts)
+
+    def _read_in(self, lights: Sequence[Light], poses: Array, lamp_tilts: Array | None) -> Array:
+        """`readings` in several lights, of as many poses each, one after the other."""
+        back = _back(lamp_tilts)
+        place, normal = (v @ back for v in placed(self.elements, poses))
+        read = [
+            light.reading(at, facing)
+            for light, at, facing in _in_turn(lights, place.reshape(-1, 3), normal.reshape(-1, 3))
+        ]
+        return self.gain * np.concatenate(read).reshape(len(poses), len(self.elements))
+
+    def _by_pose_in(
+        self, lights: Sequence[Light], poses: Array, names: Sequence[str], lamp_tilts: Array | None
+    ) -> Array:
+        """`by_pose` in several lights, of as many poses each, one after the other."""
         elements, shape, turn = self.elements, (len(poses), len(self.elements)), _back(lamp_tilts)
         place, normal = (v @ turn for v in placed(elements, poses))
         turned = [POSE.index(name) for name in names if name not in POSE[:3]]
         # [angle, m, n, 3]
         arm, facing = (v @ turn for v in _by_angles(elements, poses, [k - 3 for k in turned]))
         slopes = np.zeros((*shape, len(names)))
-        for flux, by_place in self.light.fluxes(place.reshape(-1, 3)):
+        each = [light.fluxes(at) for light, at in _in_turn(lights, place.reshape(-1, 3))]
+        for parts in zip(*each, strict=True):
+            flux, by_place = (np.concatenate(v) for v in zip(*parts, strict=True))
             # What flies back, where it is known.
             back, part = flux[:, 3:].sum(axis=1).reshape(shape), seen_of_back(normal)
             back_by_place = by_place[:, 3:].sum(axis=1).reshape(*shape, 3)
@@ -271,51 +290,71 @@ class ArrayModel:
                     slopes[..., k] += turning * facing[angle][..., 2]
         return self.gain * slopes
 
-    def _around(self, name: str) -> _Around:
-        if name in LAMP_TILTS:
-            axis = LAMP_TILTS[name]
-            return _Around(self, self, STEP * np.array([axis == "x", axis == "y"], float), 2 * STEP)
-        return self._waters[name]
+    def _sides(self, names: Sequence[str]) -> list[_Side]:
+        """A little more, and a little less, of each of what is not known, in its order."""
+        return [side for name in names for side in self._waters.get(name) or self._tilted(LAMP_TILTS[name])]
+
+    def _tilted(self, axis: str) -> tuple[_Side, _Side]:
+        step = STEP * np.array([axis == "x", axis == "y"], float)
+        return _Side(self.light, step, 2 * STEP), _Side(self.light, -step, 2 * STEP)
 
     @cached_property
-    def _waters(self) -> dict[str, _Around]:
-        """The same in water of a little more, and of a little less, absorption or scattering."""
+    def _waters(self) -> dict[str, tuple[_Side, _Side]]:
+        """Water of a little more, and of a little less, absorption or scattering."""
         scene = self.light.scene
         at = middles_nm(scene)[0].mean(keepdims=True)
         found = {}
         for name, coefficient in (("absorption", absorption_per_m), ("scattering", scattering_per_m)):
             path, (now,) = f"water.{name}_per_m", coefficient(scene.water, at)
             more, less = (
-                self.light.in_water_of(
-                    scene.with_values({path: scene.get(path) + sign * _WATER_STEP * now}, validate=False)
-                )
+                scene.with_values({path: scene.get(path) + sign * _WATER_STEP * now}, validate=False)
                 for sign in (1, -1)
             )
-            found[name] = _Around(replace(self, light=more), replace(self, light=less), None, 2 * _WATER_STEP)
+            found[name] = self._watered(more), self._watered(less)
         return found
+
+    def _watered(self, scene: Scene) -> _Side:
+        return _Side(self.light.in_water_of(scene), np.zeros(2), 2 * _WATER_STEP)
 
 
 @dataclass(frozen=True)
-class _Around:
-    """Light with a little more, and a little less, of what is not known; `apart` from each other.
+class _Side:
+    """Light with a little more, or a little less, of what is not known.
 
     Parameters
     ----------
-    tilt : array, shape (2,), rad, or None
-        Of the lamp: added in the first, taken away in the other.
+    light : Light
+    tilt : array, shape (2,), rad
+        Of the lamp.
+    apart : float
+        From the other side.
     """
 
-    more: ArrayModel
-    less: ArrayModel
-    tilt: Array | None
+    light: Light
+    tilt: Array
     apart: float
 
-    def slope(self, what: Literal["readings", "by_pose"], poses: Array, *names: Sequence[str]) -> Array:
-        """Derivative of a method's answer, shape as that has."""
-        tilts = None if self.tilt is None else np.tile(self.tilt, (len(poses), 1))
-        more = getattr(self.more, what)(poses, *names, lamp_tilts=tilts)
-        less = getattr(self.less, what)(poses, *names, lamp_tilts=None if tilts is None else -tilts)
-        return np.asarray((more - less) / self.apart)
+
+def _at_each(sides: Sequence[_Side], poses: Array) -> tuple[Array, Array]:
+    """All poses on each side, one side after the other, and the lamp's tilts there."""
+    return np.tile(poses, (len(sides), 1)), np.repeat([side.tilt for side in sides], len(poses), axis=0)
+
+
+def _slopes_between(sides: Sequence[_Side], found: Array) -> Array:
+    """Derivatives, shape (k, m, ...), of what was found at all poses on 2 k sides, shape (2 k m, ...)."""
+    both = found.reshape(len(sides) // 2, 2, -1, *found.shape[1:])
+    apart = np.array([side.apart for side in sides[::2]])
+    return np.asarray((both[:, 0] - both[:, 1]) / apart.reshape(-1, *[1] * found.ndim))
+
+
+def _in_turn(lights: Sequence[Light], *rows: Array) -> Iterator[tuple[Any, ...]]:
+    """Lights with their parts of arrays, alike long; one that comes several times in a row but once."""
+    each, first = len(rows[0]) // len(lights), 0
+    for _, same in groupby(lights, key=id):
+        light, *more = same
+        last = first + each * (1 + len(more))
+        yield light, *(array[first:last] for array in rows)
+        first = last
 
 
 def _back(lamp_tilts: Array | None) -> Array:

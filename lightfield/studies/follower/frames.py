@@ -77,7 +77,7 @@ def rotations(angles: Array) -> Array:
         Yaw, pitch and roll.
     """
     angles = np.asarray(angles, float)
-    (cy, cp, cr), (sy, sp, sr) = (np.moveaxis(f(angles), -1, 0) for f in (np.cos, np.sin))
+    (cy, cp, cr), (sy, sp, sr) = ((v[..., 0], v[..., 1], v[..., 2]) for v in (np.cos(angles), np.sin(angles)))
     # Yaw about -y, then pitch about x, then roll about -z: forward is -z. Written out, for speed.
     found = np.empty((*angles.shape[:-1], 3, 3))
     found[..., 0, 0], found[..., 0, 1], found[..., 0, 2] = (

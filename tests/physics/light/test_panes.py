@@ -81,7 +81,7 @@ def test_bare_panes_lose_nothing_of_a_beam_that_meets_them_flat() -> None:
     """Through every cross-section of a tank of glass goes all that the lamp sends out, and 0.2 % of it again:
     what both ends reflect. What comes back from the far end falls on the back of the receiver."""
     lit = scene({"lamp.hwhm_deg": 10.0}, panes="all", surface="flat")
-    n = 60
+    n = 30
     across, up = (np.arange(n) + 0.5) / n - 0.5, 0.8 * ((np.arange(n) + 0.5) / n) - 0.3
     x, y = (g.ravel() for g in np.meshgrid(across, up))
     theta = np.arange(1e-4, np.pi / 2, 2e-4)
@@ -160,7 +160,7 @@ OF_WATER = 0.5 * sum((law(_INSIDE - _OUT) / law(_INSIDE + _OUT)) ** 2 for law in
     ids=["flume", "half covered, wide beam", "tank of glass"],
 )
 def test_images_are_rays_that_are_followed(values: dict[str, float], faces: dict[str, Any]) -> None:
-    lit, cells, fine = scene(values, **faces), 6, 10
+    lit, cells, fine = scene(values, **faces), 6, 5
     found, error = followed_rays(lit, 3.0, cells)
     at = (np.arange(cells * fine) + 0.5) / (cells * fine)
     x, y = (g.ravel() for g in np.meshgrid(at - 0.5, 0.8 * at - 0.3))

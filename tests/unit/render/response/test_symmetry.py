@@ -59,6 +59,14 @@ def images_alike(scene: Scene) -> tuple[bool, bool]:
     )
 
 
+@pytest.fixture
+def few_patches(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walls of few patches have the mirror images of many."""
+    for name, number in (("_FEWEST_PATCHES", 100), ("_MOST_PATCHES", 100), ("_MOST_PARTS", 2)):
+        monkeypatch.setattr(f"lightfield.render.reflected.room.{name}", number)
+
+
+@pytest.mark.usefixtures("few_patches")
 @pytest.mark.parametrize("path", paths_on(TRACED | Acts.REFLECTION))
 def test_a_broken_mirror_image_is_told(path: str, bases: list[Scene]) -> None:
     for scene in bases:

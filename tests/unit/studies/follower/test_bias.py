@@ -49,19 +49,14 @@ def test_bias_and_spread_are_those_of_many_estimates(prior: float) -> None:
     found = belief(truth, formula, POSE_0, FIVE, NOISE, prior)
     readings, rng = truth.readings(POSE_0[None])[0], np.random.default_rng(7)
     variance = NOISE.variance(readings)
-    draws = np.array(
-        [
-            find_minima(
-                formula,
-                readings + np.sqrt(variance) * rng.standard_normal(25),
-                variance,
-                FIVE,
-                found.believed[None],
-                nuisances={"gain": prior} if prior else {},
-            ).poses[0, :5]
-            for _ in range(400)
-        ]
-    )
+    draws = find_minima(
+        formula,
+        readings + np.sqrt(variance) * rng.standard_normal((400, 25)),
+        variance,
+        FIVE,
+        np.tile(found.believed, (400, 1)),
+        nuisances={"gain": prior} if prior else {},
+    ).poses[:, :5]
     sigma = np.sqrt(np.diag(found.covariance))
     # Means to sigma / sqrt(400), deviations to 1 / sqrt(800) of themselves, at 4 of these; the cost is not
     # quite a

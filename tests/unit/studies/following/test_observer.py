@@ -68,13 +68,12 @@ def test_a_lamp_that_may_point_elsewhere_is_in_the_errors() -> None:
     assert np.sqrt(np.mean((error / stated) ** 2)) == pytest.approx(1.0, abs=4 / np.sqrt(2 * 48))
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_lamp_that_points_far_elsewhere_ends_no_follower(seed: int) -> None:
+def test_a_lamp_that_points_far_elsewhere_ends_no_follower() -> None:
     """By 5 degrees and more elements read several times what a pose explains; as part of their variance that
-    was more than there is, and a filter ended with less than none."""
+    was more than there is, and a filter ended with less than none, after 6 s at the latest."""
     scene = Scene.load(SCENES / "leader_follower" / "clear.toml").with_values(
-        {"follower.lamp_tilt_known_deg": 5.0, "follower.mission.duration_s": 10.0}
+        {"follower.lamp_tilt_known_deg": 5.0, "follower.mission.duration_s": 8.0}
     )
-    track = follow({"": scene}, runs=8, seed=seed, photons=0).cases[0].track
+    track = follow({"": scene}, runs=8, seed=1, photons=0).cases[0].track
     last = track.sigma[-1, :, :5]
     assert np.isfinite(last).all() and (last > 0).all()

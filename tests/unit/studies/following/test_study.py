@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,26 +26,27 @@ SCENE = Scene.from_dict(
 )  # fmt: skip
 
 
-def followed(values: dict[str, float]) -> Followed:
-    return follow({"tank": SCENE.with_values(values)}, runs=2, seed=3, photons=0).cases[0]
+@cache
+def followed(*values: tuple[str, float]) -> Followed:
+    return follow({"tank": SCENE.with_values(dict(values))}, runs=2, seed=3, photons=0).cases[0]
 
 
 def test_a_tilted_lamp_is_followed() -> None:
-    found = followed({"lamp.tilt_x_deg": 0.5})
+    found = followed(("lamp.tilt_x_deg", 0.5))
     assert found.spreads["standoff"].mean == pytest.approx(6.5, abs=0.1)
     assert found.spreads["belief_less_truth"].runs == 2 and "stands at" in found.verdict
 
 
 def test_a_follower_that_learns_no_pose_stands_nowhere() -> None:
     """Beside a beam that is hardly round no reading tells how it leans: it drifts, which is no standoff."""
-    found = followed({"lamp.ellipticity": 1 + 1e-9})
+    found = followed(("lamp.ellipticity", 1 + 1e-9))
     assert not found.spreads["belief_less_truth"].runs
     assert "never learns where it is" in found.verdict and "stands" not in found.verdict
 
 
 def test_a_run_that_lost_its_way_is_counted_and_not_averaged() -> None:
     """One of two drives on behind the lamp: the distance is the other's, and every run's stays listed."""
-    found = followed({})
+    found = followed()
     pose = found.track.pose.copy()
     pose[len(pose) // 2 :, 1, 2] = -2.3
     track = replace(found.track, pose=pose)
@@ -69,7 +71,7 @@ def test_a_run_that_lost_its_way_is_counted_and_not_averaged() -> None:
 def test_who_lost_its_way(what: str, lost: bool) -> None:
     """Darkness is no way lost: who sees nothing in it may find back."""
     found = followed(
-        {"follower.mission.dark_from_s": 15.0, "follower.mission.dark_for_s": 15.5 * (what == "dark")}
+        ("follower.mission.dark_from_s", 15.0), ("follower.mission.dark_for_s", 15.5 * (what == "dark"))
     )
     pose, lit = found.track.pose.copy(), found.track.lit.copy()
     late = found.track.time_s >= 20.0

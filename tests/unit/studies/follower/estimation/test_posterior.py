@@ -30,7 +30,7 @@ def believer(elements: Elements, names: tuple[str, ...] = POSE[:5], **noise: flo
 
 @pytest.mark.parametrize("elements", [FLAT, ROUND])
 def test_errors_are_those_of_a_sum_over_all_poses(elements: Elements) -> None:
-    """Sway and yaw alone, on a grid of 400 x 400 and 41 gains: no search, no slopes, no draws."""
+    """Sway and yaw alone, on a grid of 200 x 200 and 41 gains: no search, no slopes, no draws."""
     one = believer(elements, ("x", "yaw"), brightest=0.02)
     truth = np.array([0.1, 0.0, 6.0, 0.08, 0.0, 0.0])
     readings = one.model.readings(truth[None])[0] * np.linspace(0.98, 1.02, 25)
@@ -41,7 +41,7 @@ def test_errors_are_those_of_a_sum_over_all_poses(elements: Elements) -> None:
     slopes = [bound_pair(one.model, pose, one.names, one.noise, one.nuisances)[1] for pose, _ in near]
     reading = Reading(one.model, readings, variance, one.names, one.nuisances, box)
     found = reading.spread_about(near, [each.covariance for each in slopes])
-    x, yaw = np.meshgrid(*(np.linspace(box[0][k], box[1][k], 400) for k in (0, 3)), indexing="ij")
+    x, yaw = np.meshgrid(*(np.linspace(box[0][k], box[1][k], 200) for k in (0, 3)), indexing="ij")
     poses = np.tile(best, (x.size, 1))
     poses[:, 0], poses[:, 3] = x.ravel(), yaw.ravel()
     believed, chance = one.model.readings(poses), np.zeros(x.size)
