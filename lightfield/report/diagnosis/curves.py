@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.speech import UNITS
+from lightfield.diagnosis.verdict.words.effects import changes
 from lightfield.fitting.fitted_curves import PLACES, FittedCurve
 from lightfield.report.style import (
     DASH,
@@ -22,10 +23,12 @@ from lightfield.report.style import (
     label,
     percent_axis,
 )
-from lightfield.wording import plain, rounded
+from lightfield.wording import plain
 
 #: Bands are drawn so wide, in standard errors.
 _BAND = 2.0
+#: Beyond what a curve and the model without it take on, a band is drawn by this part of that.
+_ROOM = 0.5
 #: Local unknowns that are drawn beside each other, and how far their bands, over the farthest departure.
 _SHOWN, _REACH = 2, 1.5
 
@@ -55,7 +58,12 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
             marker = "o" if len(curve.at) < PLACES else ""  # of planes: between them there is nothing
             upper.plot(curve.at, curve.value, color=RENDER, marker=marker, label="fitted curve")
             upper.set_ylabel(curve.quantity)
-            upper.set_title(f"changes readings by {rounded(100 * curve.rms)} % rms")
+            upper.set_title(changes(curve.rms))
+            # As below: a band that leaves nothing to be seen of the curve is told by the panel under it.
+            both = np.array([*curve.value, *curve.without])
+            room = max(_ROOM * float(np.ptp(both)), _BAND * float(curve.stderr.min()))
+            low, high = upper.get_ylim()
+            upper.set_ylim(max(low, both.min() - room), min(high, both.max() + room))
             lower.fill_between(
                 curve.at, -wide, wide, color=RENDER, alpha=0.25, linewidth=0, label="two standard errors"
             )

@@ -135,7 +135,7 @@ def _with(names: Sequence[str]) -> str:
 def effect_size(one: FoundEffect) -> str:
     """The parameters of an effect with their errors; of a curve how far it departs."""
     if one.rms_percent is not None:
-        return f"a curve of {len(one.parameters)} functions, {_changed(one.rms_percent / 100)}"
+        return f"a curve of {len(one.parameters)} functions, {changes(one.rms_percent / 100)}"
     if one.is_taken_away:
         off = ", ".join(f"{path.rpartition('.')[2]} = {e.value:.4g}" for path, e in one.parameters.items())
         return f"{off} instead of the scene's"
@@ -143,10 +143,10 @@ def effect_size(one: FoundEffect) -> str:
     return f"{sizes}{_as_an_oval(one.parameters)}"
 
 
-def _changed(rms: float) -> str:
-    """What a curve changes in readings, by the rms change of their logarithm: a large one as a factor."""
+def changes(rms: float) -> str:
+    """What a curve does to readings, by the rms change of their logarithm: a large one as a factor."""
     if rms < _A_PART:
-        return f"{short(100 * rms, 2)} % rms of the readings"
+        return f"changing the readings by {short(100 * rms, 2)} % rms"
     return f"changing the readings by a factor of {rounded(math.exp(min(rms, _MOST_LOG)))} (rms)"
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from lightfield.fitting.fitted_curves import FittedCurve
+from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import residual_map
 from lightfield.report.diagnosis.single_places import place_map
 from lightfield.report.diagnosis.view import DrawnReadings, Prediction, ReadingsView
@@ -23,3 +25,14 @@ def test_readings_set_aside_stand_out_on_the_map(draw: Callable[[ReadingsView], 
     sizes, rings = dots.get_sizes(), np.asarray(dots.get_linewidths())
     assert sizes[out].min() > sizes[~out].max() and rings[out].min() > 3 * rings[~out].max()
     assert dots.get_array()[out] == pytest.approx(-5.0)
+
+
+def test_a_band_that_is_wide_leaves_its_curve_to_be_seen() -> None:
+    """Of a lamp that was not read on its axis, to which intensities are told, it was four times the curve."""
+    at = np.linspace(0, 12, 40)
+    lost = FittedCurve(
+        "lamp.profile_departure", "angle (deg)", "", at, 1 - 0.05 * at, 3.0 * at, 0.9 + 0 * at, 1.0
+    )
+    upper, lower = curve_figure((lost,)).axes
+    assert upper.get_ylim() == pytest.approx((0.4 - 0.3, 1.0 + 0.3))
+    assert lower.get_ylim()[1] > 2 * 36.0

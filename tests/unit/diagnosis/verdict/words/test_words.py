@@ -286,7 +286,7 @@ def test_the_width_under_a_curve_is_not_told() -> None:
 @pytest.mark.parametrize(
     ("percent", "said"),
     [
-        (2.34, "a curve of 1 functions, 2.3 % rms of the readings"),
+        (2.34, "a curve of 1 functions, changing the readings by 2.3 % rms"),
         (502.4, "a curve of 1 functions, changing the readings by a factor of 150 (rms)"),
     ],
 )
