@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightfield.arrays import Array
-from lightfield.fitting.beam_width import beam_width_deg
+from lightfield.fitting.beam_width import WIDTH, beam_width_deg
 from lightfield.fitting.smooth_functions import NODES, Basis, Family, basis_of, bent
 from lightfield.formula.path import rays
 from lightfield.readings import Readings
@@ -37,6 +37,7 @@ from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.scene import Scene
 from lightfield.scene.curve import LARGEST_OF_BEAM, Nodes, integral_to, sum_of, value_at
 from lightfield.scene.lamp.frame import beam_angles
+from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.lamp.section import effective_angles
 from lightfield.scene.parameters import Parameter
 
@@ -139,18 +140,34 @@ class Curves:
         for field, basis in self.bases.items():
             own = tuple(amplitudes.get(path, 0.0) for path in basis.paths)
             if any(own):
-                out[field] = self._nodes(field, own)
+                out[field] = self._nodes(field, own, values.get(WIDTH) if field == PROFILE else None)
         return out
 
     @cached_property
-    def _nodes(self) -> Callable[[str, tuple[float, ...]], Nodes]:
-        """Nodes of a curve with these amplitudes; most steps of a fit change something else."""
+    def _nodes(self) -> Callable[[str, tuple[float, ...], float | None], Nodes]:
+        """Nodes of a curve with these amplitudes, over a beam of this width; most steps of a fit change
+        something else."""
 
-        def nodes(field: str, amplitudes: tuple[float, ...]) -> Nodes:
+        def nodes(field: str, amplitudes: tuple[float, ...], width_deg: float | None) -> Nodes:
             basis = self.bases[field]
-            return self._added(field, basis.place, basis.curve(np.array(amplitudes)))
+            curve = basis.curve(np.array(amplitudes))
+            if field == PROFILE:
+                curve = self._dim_beyond(basis.place, curve, width_deg)
+            return self._added(field, basis.place, curve)
 
         return lru_cache(_REMEMBERED)(nodes)
+
+    def _dim_beyond(self, place: Array, curve: Array, width_deg: float | None) -> Array:
+        """A departure of the lamp's profile with which no lamp is brighter beyond the largest angle that was
+        read than there: nothing holds it where it goes on as it ended, up at times."""
+        lamp = self.scene.lamp
+        if width_deg is not None:
+            lamp = lamp.model_copy(update={"hwhm_deg": width_deg})
+        light = np.log(np.maximum(radial_intensity(lamp, np.radians(place) ** 2), np.finfo(float).tiny))
+        beyond = place > place[-1] / BEYOND
+        last = int(np.argmax(beyond)) - 1
+        most = curve[last] + light[last] - light
+        return np.where(beyond, np.minimum(curve, most), curve)
 
     def _added(self, field: str, place: Array, curve: Array) -> Nodes:
         """Nodes of a curve together with what the scene has already."""

@@ -10,7 +10,8 @@ import numpy as np
 from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
-from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, begin_at, joins
+from lightfield.diagnosis.search.pool.quick import with_effect
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 #: Stages that are fitted, of at most so many effects. Chosen: time; half and twice of it alike in ten

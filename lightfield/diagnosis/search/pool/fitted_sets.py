@@ -19,9 +19,8 @@ from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest, Score
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit
+from lightfield.diagnosis.search.pool.quick import Begin, finished_fit, quick_fit, with_effect
 from lightfield.diagnosis.search.set_of_effects import FittedSet, SetKey
-from lightfield.diagnosis.search.small_sets import clipped
 from lightfield.fitting.least_squares import Fit
 
 Admits = Callable[[Candidate], bool]
@@ -34,8 +33,6 @@ _FEW, _SHAPES = 4, 2
 #: Sets that cost no more than this above the best are fitted to the end at once; of others the cost is rough.
 #: Chosen; with half and twice ten campaigns have the same verdicts.
 _NEAR = 50.0
-#: Part of its range within which a score may start an amplitude. Chosen: a start alone; half and twice alike.
-_PART = 0.4
 #: A fit that begins elsewhere counts where chi-square is lower by so much, in units of the noise. Chosen.
 _ELSEWHERE = 1.0
 #: Predictions of scattered or reflected light that all fits together may take: some milliseconds each,
@@ -267,11 +264,17 @@ class Pool:
         begins = [Begin(dict(zip(paths, start, strict=True))) for start in starts]
         self.also_from(whole, begins)
 
-    def also_from(self, whole: Explanation, begins: Iterable[Begin]) -> None:
+    def also_from(self, whole: Iterable[Candidate], begins: Iterable[Begin]) -> None:
         """Fit a set from some places too: what is remembered of it, unless one of these is better."""
-        made = FittedSet(
-            whole, min((self._quick(whole, begin, _STEPS) for begin in begins), key=lambda f: f.chi2)
-        )
+        self.offered(self.made(whole, begins))
+
+    def made(self, explanation: Iterable[Candidate], begins: Iterable[Begin]) -> FittedSet:
+        """A set as fitted from the best of several places, of which nothing is remembered."""
+        whole = self.in_order(explanation)
+        return FittedSet(whole, min((self._quick(whole, b, _STEPS) for b in begins), key=lambda f: f.chi2))
+
+    def offered(self, made: FittedSet) -> None:
+        """Remember a set, unless what is remembered of it is better."""
         known = self.nodes.get(made.key)
         if known is None or self.is_lower(made.fit, known.fit):
             self._finished.discard(made.key)
@@ -380,19 +383,3 @@ def joins(candidate: Candidate, node: FittedSet) -> bool:
 def begin_at(node: FittedSet) -> Begin:
     """Where a set lies, with its slopes."""
     return Begin(node.fit.by_path, dict(zip(node.fit.paths, node.fit.jacobian.T, strict=True)))
-
-
-def with_effect(
-    begin: Begin, candidate: Candidate, amplitudes: Array, shape: Sequence[float], columns: Array
-) -> Begin:
-    """The same with an effect more, as a score asks for it.
-
-    Parameters
-    ----------
-    columns : array, shape (n, n_amplitudes)
-        Its whitened template.
-    """
-    values = [*clipped(candidate, amplitudes, _PART), *shape]
-    own = {p.path: float(u) for p, u in zip(candidate.parameters, values, strict=True)}
-    slopes = {p.path: column for p, column in zip(candidate.amplitudes, columns.T, strict=True)}
-    return Begin({**begin.u, **own}, {**begin.slopes, **slopes})

@@ -7,15 +7,17 @@ doi:10.1137/0111030). Slopes are taken anew where a step fails.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from lightfield.arrays import TINY, Array
+from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.search.followed import is_followed
+from lightfield.diagnosis.search.small_sets import clipped
 from lightfield.fitting.least_squares import Fit, Whiten
 
 #: Damping to begin with, at least, and by how much it falls and rises; steps that fail before the slopes are
@@ -31,6 +33,8 @@ _OF_DISTANCE = 0.01
 #: A parameter this near to a bound that it is drawn to, as part of its range, is held there. Derived:
 #: rounding of doubles, with room.
 _AT = 1e-9
+#: Part of its range within which a score may start an amplitude. Chosen: a start alone; half and twice alike.
+_PART = 0.4
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,22 @@ class Begin:
 
     u: Mapping[str, float]
     slopes: Mapping[str, Array] = field(default_factory=dict)
+
+
+def with_effect(
+    begin: Begin, candidate: Candidate, amplitudes: Array, shape: Sequence[float], columns: Array
+) -> Begin:
+    """The same with an effect more, as a score asks for it.
+
+    Parameters
+    ----------
+    columns : array, shape (n, n_amplitudes)
+        Its whitened template.
+    """
+    values = [*clipped(candidate, amplitudes, _PART), *shape]
+    own = {p.path: float(u) for p, u in zip(candidate.parameters, values, strict=True)}
+    slopes = {p.path: column for p, column in zip(candidate.amplitudes, columns.T, strict=True)}
+    return Begin({**begin.u, **own}, {**begin.slopes, **slopes})
 
 
 def _square(residual: Array) -> float:

@@ -6,8 +6,9 @@ from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.linear_pairs import Pair, linear_pairs
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
 from lightfield.diagnosis.search.pool.equivalences import try_beside, try_declared
-from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, begin_at, joins, with_effect
+from lightfield.diagnosis.search.pool.fitted_sets import Admits, Pool, begin_at, joins
 from lightfield.diagnosis.search.pool.moves import fit_additions, forward, polish
+from lightfield.diagnosis.search.pool.quick import with_effect
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 
 #: Sets of a level that are added to and fitted, levels, and levels without a gain. Chosen, as all here: the
