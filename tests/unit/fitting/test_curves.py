@@ -23,7 +23,7 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.errors import OutputError, UsageError
 from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects
-from lightfield.fitting.curves import ABSORPTION, POWER, PROFILE, is_amplitude
+from lightfield.fitting.curves import ABSORPTION, BEYOND, POWER, PROFILE, is_amplitude
 from lightfield.fitting.fitted_curves import FittedCurve, fitted_curves, save_lamp
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
@@ -294,6 +294,23 @@ def test_a_fitted_profile_is_a_lamp_for_every_scene(tmp_path: Path) -> None:
     lit = [direct_field(s, table.x_m, table.y_m, table.z_m) for s in (with_table, with_curve)]
     relative = [light / light.max() for light in lit]
     np.testing.assert_allclose(*relative, atol=3e-4)
+
+
+def test_no_lamp_is_brighter_beyond_what_was_read() -> None:
+    """Nothing holds a curve there: one that ended upwards went on, and had more light than all the rest."""
+    table, rng = readings(), np.random.default_rng(5)
+    scenes = SceneForward(believed(), table).scenes
+    basis = scenes.curves.bases[PROFILE]
+    last = basis.place[basis.place <= basis.place[-1] / BEYOND][-1]
+    beyond = np.radians(np.linspace(last, 1.5 * basis.place[-1], 200))
+    upwards = 0
+    for width in (2.0, 4.0, 8.0, 16.0):
+        values = dict(zip(basis.paths, rng.uniform(-1, 1, len(basis.paths)), strict=True))
+        lamp = scenes.at({**values, "lamp.hwhm_deg": width}).lamp
+        light = relative_intensity(lamp, beyond, 0 * beyond)
+        assert light.max() < 1.01 * light[0], "between nodes a departure is straight, a Gaussian is not"
+        upwards += np.diff(basis.curve(basis.amplitudes(values)))[-1] > 0
+    assert upwards, "some end upwards"
 
 
 def test_a_lamp_of_a_table_may_depart_in_width_too(tmp_path: Path) -> None:
