@@ -111,8 +111,8 @@ def test_a_curve_has_as_many_functions_as_the_layout_tells_of(layout: Readings) 
 
 def test_a_wrong_question_is_refused(layout: Readings) -> None:
     for names, sizes, what in (
-        (["beam_profile"], {"lamp.profile_departure.1": 8.0}, "seeks no such size.*-2.5 to 2.5"),
-        (["beam_profile"], {"lamp.profile_departure.1": float("nan")}, "seeks no such size.*-2.5 to 2.5"),
+        (["beam_profile"], {"lamp.profile_departure.1": 8.0}, "seeks no such size.*-5.82 to 5.82"),
+        (["beam_profile"], {"lamp.profile_departure.1": float("nan")}, "seeks no such size.*-5.82 to 5.82"),
         (["beam_profile:2 functions"], {"lamp.profile_departure.3": 0.1}, "not asked about"),
         (["beam_profile", "beam_skirt"], {}, "not fitted together"),
         (["wall_reflection"], {}, "cannot act here"),
@@ -142,7 +142,7 @@ def test_a_size_that_no_scene_may_have_is_refused_as_where_an_effect_is_hidden(l
     [
         ({"detector.background": 1e9}, "-0.5 to 0.5"),  # drowns all light
         ({"lamp.offset_x_m": 1.9}, "-0.3 to 0.3"),
-        ({"lamp.profile_departure.2": "wide"}, "-2.5 to 2.5"),
+        ({"lamp.profile_departure.2": "wide"}, "-2.78 to 2.78"),
         ({"lamp.profile_departure": 0.1}, "one of lamp.profile_departure.1, lamp.profile_departure.2"),
     ],
 )
