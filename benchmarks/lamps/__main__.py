@@ -57,7 +57,8 @@ def main() -> None:
     done = [rows[name] for name in sorted(rows)]
     kinds = {"all": done} | {kind: [r for r in done if r["lamp"] in KINDS[kind]] for kind in KINDS}
     target = Path(__file__).parent / "README.md"
-    target.write_text(page(done, _HEAD, kinds), encoding="utf-8")
+    part = "" if len(done) >= args.sets else f"\nOf {args.sets} campaigns planned, {len(done)} were run.\n"
+    target.write_text(page(done, _HEAD + part, kinds), encoding="utf-8")
     print(target)
 
 
