@@ -182,20 +182,16 @@ def test_the_command_answers_and_writes(tmp_path, capsys) -> None:
     assert "no effect is named" in capsys.readouterr().err
 
 
-#: A limit that the manual tells: to be crossed out here and there once it is none.
-BESIDE_A_CURVE = pytest.mark.xfail(reason="beside a curve too much is foretold of others", strict=True)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "names",
-    [
-        ["beam_offset", "background", "lamp_drift"],
-        pytest.param(["beam_profile:4 functions", "background"], marks=BESIDE_A_CURVE),
-    ],
+    [["beam_offset", "background", "lamp_drift"], ["beam_profile:4 functions", "background"]],
 )
 def test_chances_are_those_of_noisy_campaigns(layout: Readings, names: list[str]) -> None:
-    """Twenty campaigns, diagnosed: each effect is certain, or named, as often as was foretold."""
+    """Twenty campaigns, diagnosed: each effect is certain, or named, about as often as was foretold.
+
+    Beside a curve less often (84 % foretold, 11 of 20; the manual says so), within what twenty can tell.
+    """
     sizes = {"detector.background": 0.008} if len(names) == 2 else {}
     made = together(layout, SCENE, names, sizes)
     values = {path: value for one in made.expected for path, value in one.values.items()}
