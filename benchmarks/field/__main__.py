@@ -8,11 +8,9 @@ Results are kept, one line per case: started again, it does only what is missing
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from pathlib import Path
 
-from benchmarks.field.cases import Row, folder_of_cases, run_alone
+from benchmarks.field.cases import folder_of_cases, kept, run_and_keep
 from benchmarks.field.page import page
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -31,18 +29,12 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=ROOT / "build" / "field.jsonl", help="results")
     parser.add_argument("--score", action="store_true", help="run nothing, score what is there")
     args = parser.parse_args()
-    rows: dict[str, Row] = {}
-    if args.store.exists():
-        rows = {row["case"]: row for row in map(json.loads, args.store.read_text().splitlines())}
+    rows = kept(args.store)
     cases = sorted(p.parent for p in folder_of_cases().glob("*/truth.json"))
     for case in cases if not args.score else []:
         if case.name in rows or (args.only and case.name not in args.only):
             continue
-        rows[case.name] = row = run_alone(case)
-        args.store.parent.mkdir(parents=True, exist_ok=True)
-        with args.store.open("a") as file:
-            file.write(json.dumps(row) + "\n")
-        print(case.name, row["verdict"], row["best_set"], f"{row['cpu_seconds']:.0f} s", file=sys.stderr)
+        rows[case.name] = run_and_keep(case, args.store)
     target = Path(__file__).parent / "README.md"
     done = [rows[name] for name in sorted(rows)]
     kinds = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,22 @@ def unit_seconds() -> float:
     for _ in range(UNIT // len(numbers)):
         np.exp(numbers)
     return time.process_time() - begun
+
+
+def kept(store: Path) -> dict[str, Row]:
+    """Results by the names of their cases, as far as there are any."""
+    lines = store.read_text(encoding="utf-8").splitlines() if store.exists() else []
+    return {row["case"]: row for row in map(json.loads, lines)}
+
+
+def run_and_keep(case: Path, store: Path) -> Row:
+    """`run_alone`, told and appended to what is kept."""
+    row = run_alone(case)
+    store.parent.mkdir(parents=True, exist_ok=True)
+    with store.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(row) + "\n")
+    print(case.name, row["verdict"], row["best_set"], f"{row['cpu_seconds']:.0f} s", file=sys.stderr)
+    return row
 
 
 def run_alone(case: Path) -> Row:

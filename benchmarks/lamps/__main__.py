@@ -9,13 +9,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.field.cases import Row, run_alone
+from benchmarks.field.cases import kept, run_and_keep
 from benchmarks.field.page import page
 from benchmarks.lamps.shapes import KINDS, SHAPES, drawn
 
@@ -40,20 +39,14 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=ROOT / "build" / "lamps.jsonl", help="results")
     parser.add_argument("--score", action="store_true", help="run nothing, score what is there")
     args = parser.parse_args()
-    rows: dict[str, Row] = {}
-    if args.store.exists():
-        rows = {row["case"]: row for row in map(json.loads, args.store.read_text().splitlines())}
+    rows = kept(args.store)
     for k in range(args.sets) if not args.score else ():
         if f"{k:03d}" in rows:
             continue
         with tempfile.TemporaryDirectory() as folder:
             case = Path(folder) / f"{k:03d}"
             write(case, _SEED + k)
-            rows[case.name] = row = run_alone(case)
-        args.store.parent.mkdir(parents=True, exist_ok=True)
-        with args.store.open("a") as file:
-            file.write(json.dumps(row) + "\n")
-        print(case.name, row["verdict"], row["best_set"], f"{row['cpu_seconds']:.0f} s", file=sys.stderr)
+            rows[case.name] = run_and_keep(case, args.store)
     done = [rows[name] for name in sorted(rows)]
     kinds = {"all": done} | {kind: [r for r in done if r["lamp"] in KINDS[kind]] for kind in KINDS}
     target = Path(__file__).parent / "README.md"

@@ -63,7 +63,8 @@ _PROFILE_NODES = 121
 #: The most that a function of a lamp's profile bends: root of the integral of its squared second derivative
 #: over the angle in half widths. Between dim readings far out, where nothing else holds it, a curve else rose
 #: to 1e3 times the lamp, and fits ended in valleys beside; flat tops with edges of a fifteenth of their half
-#: width need no more than 30, with kinks 100. Chosen (60 lamps of ten shapes that the package does not know).
+#: width need no more than 30, with kinks 100. Chosen, by three flat tops and five other draws of the formulas
+#: of `benchmarks/lamps`.
 _MOST_BENT = 100.0
 #: Power of the width in that: derived.
 _BY_WIDTH = 1.5
