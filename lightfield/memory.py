@@ -82,15 +82,20 @@ def kept_within(
     """
 
     def of(function: Callable[..., Value]) -> Callable[..., Value]:
-        kept: dict[tuple[Any, ...], Value] = {}
+        kept: dict[tuple[Any, ...], tuple[Value, int]] = {}
+        held = 0
 
         @wraps(function)
         def asked(*given: Any) -> Value:
-            value = kept.pop(given) if given in kept else function(*given)
-            kept[given] = value
-            held = sum(map(size_of, kept.values()))
+            nonlocal held
+            if given in kept:
+                kept[given] = kept.pop(given)
+                return kept[given][0]
+            value = function(*given)
+            kept[given] = value, size_of(value)
+            held += kept[given][1]
             while held > bytes_ and len(kept) > fewest:
-                held -= size_of(kept.pop(next(iter(kept))))
+                held -= kept.pop(next(iter(kept)))[1]
             return value
 
         return asked

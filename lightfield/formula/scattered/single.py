@@ -125,6 +125,7 @@ class TabledPaths(NamedTuple):
             ),
             shape=(len(weight) // around, len(table.theta)),
         )
+        onto.sum_duplicates()  # of paths of one length together
         shape = (*paths.weight.shape[:-1], paths.weight.shape[-1] // around)
         return cls(onto, shape, paths.water_m, paths.share)
 
