@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from lightfield.arrays import Array
 from lightfield.decompositions import eigen
+from lightfield.fitting.beam_width import beam_width_deg
 from lightfield.fitting.curves import (
     ABSORPTION,
     BACKGROUND,
@@ -25,6 +27,7 @@ from lightfield.fitting.curves import (
 )
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.formula.closed_form import table_angle
 from lightfield.formula.path import attenuation_per_m
 from lightfield.formula.readout import ambient, plane_gain, time_factor
 from lightfield.scene import Scene
@@ -39,6 +42,8 @@ from lightfield.storage.files import output_file
 PLACES = 121
 #: Errors of a fitted lamp below this part of the largest are left out of its table. Chosen: words alone.
 _HARDLY = 1e-3
+#: Angles farther from the axis than this part of the half width are not on it. Chosen.
+_OFF_AXIS = 0.1
 #: The table of a fitted beam profile, beside the scene that was fitted.
 LAMP_TABLE = "lamp.csv"
 #: The table of a fitted spectrum of the lamp, there too.
@@ -58,7 +63,8 @@ class FittedCurve:
     at : array, shape (n,)
         deg, m, s or nm, as far as the readings reach; of planes their distances.
     value, stderr : array, shape (n,)
-        Intensity over that on the axis, attenuation in 1/m, relative lamp power or in W/nm, gain, or reading.
+        Intensity over that on the axis, or next to it where that was not read, attenuation in 1/m, relative
+        lamp power or in W/nm, gain, or reading.
     without : array, shape (n,)
         The same without the departure.
     rms : float
@@ -81,9 +87,19 @@ class FittedCurve:
         return {**words, "rms": self.rms, **{name: column.tolist() for name, column in columns.items()}}
 
 
-def _intensity(scene: Scene, angle_deg: Array) -> Array:
-    light = radial_intensity(scene.lamp, np.radians(np.concatenate([[0.0], angle_deg])) ** 2)
+def _intensity(scene: Scene, angle_deg: Array, over_deg: float = 0.0) -> Array:
+    """Over that at one of the angles, the axis unless given."""
+    light = radial_intensity(scene.lamp, np.radians(np.concatenate([[over_deg], angle_deg])) ** 2)
     return light[1:] / light[0]
+
+
+def _known_deg(forward: SceneForward, scene: Scene) -> float:
+    """The axis, or the angle nearest to it that was read where that is far off: over what nobody read all
+    intensities are as uncertain as that is."""
+    r = forward.readings
+    wet = table_angle(scene.lamp, r.x_m, r.y_m, r.z_m, r.medium)
+    nearest = float(np.degrees(wet[~np.asarray(r.saturated, bool)].min()))
+    return nearest if nearest > _OFF_AXIS * beam_width_deg(scene, r) else 0.0
 
 
 def _attenuation(scene: Scene, z_m: Array) -> Array:
@@ -168,14 +184,17 @@ def fitted_curves(
         return ()
     widest = fit if widest is None else widest
     covariance, values = _with_finer(widest, scale), fit.values
+    found = forward.scenes.at(values, validate=False)
     flat = {k: v for k, v in values.items() if field_of(k) not in moved}
     out = []
     for field in (field for field in _SHOWN if field in moved):
         coordinate, quantity, shown = _SHOWN[field]
+        if field == PROFILE and (over := _known_deg(forward, found)):
+            quantity, shown = f"intensity / that at {over:.2g} deg", partial(_intensity, over_deg=over)
         place = curves.bases[field].place
         at = np.linspace(place[0], place[-1] / (BEYOND if field == PROFILE else 1.0), PLACES)
         at = place if field == PLANES else at
-        value = shown(forward.scenes.at(values, validate=False), at)
+        value = shown(found, at)
         wide, slopes = _with_slopes(forward, widest, shown, at)
         variance = np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0)
         stderr = np.sqrt(variance + (wide - value) ** 2)

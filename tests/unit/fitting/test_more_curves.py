@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from beams import flood
 from scipy.stats import chi2
 
 from lightfield.diagnosis.diagnose import diagnose
@@ -346,3 +347,21 @@ def test_a_curve_is_hidden_by_its_name(name: str, field: str, tmp_path: Path) ->
     at = np.array([place for place, _ in drawn])
     alone, summed = (np.interp(at, *zip(*its, strict=True)) for its in (drawn, both))
     np.testing.assert_allclose(summed, alone + np.interp(at, [0.0, 1000.0], [0.1, 0.3]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_lamp_whose_axis_was_not_read_is_shown_over_what_was(seed: int) -> None:
+    """Over its axis, which is a guess, all of it is as uncertain as that; the nearest angle is 2 degrees."""
+    rng = np.random.default_rng(seed)
+    x, z, time = places(9, rng, across=41)
+    far = np.degrees(np.arctan2(np.abs(x), z))
+    x, z, time, far = (v[far > 2.0] for v in (x, z, time, far))
+    value = flood(far / HWHM) * np.exp(-PER_M * np.hypot(x, z)) * z / np.hypot(x, z) ** 3
+    table = noisy(value, rng, x_m=x, y_m=0 * x, z_m=z, time_s=time, quantity="irradiance")
+    _, _, curve = fitted(table, believed(), "beam_profile")
+    nearest = float(far.min())
+    assert curve.quantity == f"intensity / that at {nearest:.2g} deg"
+    read = curve.at > 2.2
+    off = curve.value - flood(curve.at / HWHM) / flood(np.array([nearest / HWHM]))
+    assert np.all(np.abs(off[read]) < 4 * curve.stderr[read])
+    assert curve.stderr[read].max() < 0.02 < curve.stderr[0]
