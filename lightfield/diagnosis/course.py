@@ -35,7 +35,7 @@ from lightfield.diagnosis.verdict.best_set.scattered_too import (
     in_light_of_photons,
     with_scattering,
 )
-from lightfield.diagnosis.verdict.parts import DoubtReason
+from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
 from lightfield.diagnosis.verdict.trust import Trust, says_nothing, trust_of
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.effects import Effect
@@ -47,8 +47,7 @@ from lightfield.scene import Scene
 #: part of it that they leave then. Chosen: by chance one set of 60 readings in 300 scatters so much; where
 #: errors are stated half as large as they are all is left.
 _TOO_SMALL, _MENDS = 1.5, 0.6
-#: The part that the first sets of a search have to come down to for it to go on. Chosen: the noise is judged
-#: again after them, which takes little more.
+#: The part that the first sets of a search have to come down to for it to go on. Chosen: takes little more.
 _PROMISES = 0.8
 #: What a local unknown has to be worth at first sight, in chi-square of the noise. Chosen: the best of some
 #: hundred shapes takes half as much from readings without one.
@@ -219,7 +218,7 @@ def _explained(known: Knowledge) -> Knowledge:
     """What one or two effects explain, or more, or effects beside a local unknown."""
     stated = known.prepared.errors_stated
     if known.finding.size is None:
-        known = _settled_early(known) or _of_any_number(known)
+        known = _settled_early(known) or _in_larger_errors(known) or _of_any_number(known)
     elif known.finding.size > 0 and stated:
         known = _unless_more_explain(known)
     return _unless_an_unknown_does(known) if stated else known
@@ -234,11 +233,28 @@ def _settled_early(known: Knowledge) -> Knowledge | None:
     return None
 
 
+def _in_larger_errors(known: Knowledge) -> Knowledge | None:
+    """What explains the readings in errors as large as their scatter, where only that is beyond the stated
+    ones beside some effects: in these all sets miss the readings, and would be tried for nothing."""
+    asked, data, alone = known.inquiry, known.data, known.finding.scatter
+    if alone is None or data.budget.times_stated > 1 or not known.prepared.errors_stated:
+        return None
+    times = float(np.sqrt(_unexplained_variance(known.prepared, known.finding, alone)))
+    data = replace(data, quoted=times * data.quoted, budget=replace(data.budget, times_stated=times))
+    rng, begun = np.random.default_rng(asked.seed), data.problem.without_curves()
+    prepared = prepare_problem(begun, data.quoted, data.budget, rng, asked.alpha)
+    finding = search(prepared, data.budget.tolerance, rng, asked.alpha, asked.progress)
+    there = _explained(replace(known, data=data, prepared=prepared, finding=finding, rng=rng))
+    return there if there.finding.size is not None else None
+
+
 def _of_any_number(known: Knowledge) -> Knowledge:
     """What any number of effects explain, or a few beside a local unknown."""
     more = known.with_more_effects(misses_by_far(known.data.budget.tolerance))
     if more.finding.accepted or more.finding.many is None:
         return more
+    if larger := _in_larger_errors(more):
+        return larger
     beside = _beside_unknowns(more)
     if beside is not None and _is_simpler(beside.finding, more.finding):
         return beside  # of more effects than these some imitate anything
@@ -364,8 +380,10 @@ def _judged(known: Knowledge) -> Outcome:
     )
     finding = refutation.pruned(prepared, finding)
     trust = known.now(prepared, finding).trust(known.rng)
+    if trust.doubt is None and known.data.budget.times_stated > 1:
+        trust = replace(trust, doubt=Doubt(reason=DoubtReason.SCATTER, times=known.data.budget.times_stated))
     if trust.doubt is not None:
-        partly = trust.doubt.reason is DoubtReason.SET_ASIDE
+        partly = trust.doubt.leaves_names
         # What has a coordinate may pass for noise; of what is no beam nothing is told.
         no_beam = trust.doubt.reason is not DoubtReason.NOISE
         finding = finding.but_for_some() if partly else finding.without_answer(no_beam)

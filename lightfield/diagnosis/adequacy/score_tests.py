@@ -3,8 +3,8 @@
 Valid when the errors are Gaussian with the covariance of the noise module up to one unknown scale, and the
 model is nearly linear in its parameters over their uncertainty. Nominal p-values are never used as they are:
 the smallest one is compared with the smallest ones of a parametric bootstrap that repeats the whole
-calculation (Westfall and Young 1993, Resampling-based multiple testing, Wiley), which takes care of their
-number, their correlations, one-sided effects, and shapes that mean nothing without amplitude.
+calculation (Westfall and Young 1993, Resampling-based multiple testing, Wiley), which knows of number,
+correlations, one-sided effects, and shapes that mean nothing without amplitude.
 """
 
 from __future__ import annotations
@@ -68,8 +68,7 @@ class Score:
     to_amplitude : array, shape (q, q)
         Amplitudes = to_amplitude @ direction.T @ residual.
     length : float
-        Length of the projected template per unit (first) amplitude: 1/length is its standard error at phi =
-        1.
+        Of the projected template per unit (first) amplitude: 1/length is its standard error at phi = 1.
     """
 
     template: Template
@@ -102,14 +101,13 @@ class Adequacy:
     p : float
         Family-wise probability of so bad a worst test if nothing were missing.
     phi, nu : float
-        Pure-error variance scale from what neither an effect nor a smooth unknown can reach; its degrees of
-        freedom.
+        Pure-error variance scale from what no effect and no smooth unknown can reach; its dof.
     tests : mapping
         Nominal p of each test: (effect, form), or "~" and the unknown's name.
     excess_p : float
         Probability of so large a scatter, were the errors quoted up to a factor 2 too small.
     scale_taken : bool
-        Too few readings to estimate the scale of the noise: the stated errors are taken as they are.
+        Too few readings to tell the scale of the noise: stated errors are taken as they are.
     critical_p : float
         Nominal p of the worst test that is undercut with probability ALPHA where nothing is missing.
     """
@@ -127,6 +125,10 @@ class Adequacy:
     def passes(self, alpha: float) -> bool:
         """Nothing is missing at family-wise level `alpha`, and the scatter is credible."""
         return self.p > alpha and self.excess_p > _EXCESS_LEVEL
+
+    def only_scatters(self, alpha: float) -> bool:
+        """Is nothing missing at level `alpha` but a scatter that is not credible?"""
+        return self.p > alpha and self.excess_p <= _EXCESS_LEVEL
 
 
 def _score(template: Template, free: Array) -> Score:
@@ -182,7 +184,7 @@ class AdequacyTest:
         return scores, tuple(s.to_amplitude @ (s.direction.T @ observed) for s in scores)
 
     def __call__(self, fit: Fit) -> Adequacy:
-        """Test one fit; nothing is done when it is asked for twice in a row."""
+        """Test one fit; once, when it is asked for twice in a row."""
         if self._last is None or self._last[0] is not fit:
             self._last = fit, self._tested(fit)
         return self._last[1]
@@ -190,16 +192,15 @@ class AdequacyTest:
     def _tested(self, fit: Fit) -> Adequacy:
         scores, amplitudes = self.score(fit)
         replicates = self.noise()
-        if self._seen is None:
-            # Unknowns look at the noise alike whatever was fitted; what the fit takes away goes off below.
+        if self._seen is None:  # unknowns look at it alike whatever was fitted: that goes off below
             squares = np.einsum("ij,ij->j", replicates, replicates, dtype=float)
             self._seen = self._unknown(replicates), squares
         unknown, squares = self._seen
-        count_as = STATED_COUNT_AS if self.errors_stated else 0.0
-        views = _Views(_moved(fit), scores, self.unknowns, int(self.problem.keep.sum()), count_as)
+        count_as, n = STATED_COUNT_AS if self.errors_stated else 0.0, int(self.problem.keep.sum())
+        views = _Views(_moved(fit), scores, self.unknowns, n, count_as)
         chance = views.least_p(replicates, unknown, squares)
-        residual = fit.residual[:, None]
-        seen_p, labels, phi = views.p_values(residual, self._unknown(residual), (residual**2).sum(0))
+        rest = fit.residual[:, None]
+        seen_p, labels, phi = views.p_values(rest, self._unknown(rest), (rest**2).sum(0))
         worst = float(seen_p.min())
         p = (1 + int((chance <= worst).sum())) / (1 + len(chance))
         excess, nu = float(phi[0]) * self.scale / VARIANCE_EXCESS, views.nu

@@ -53,6 +53,8 @@ class Budget:
     outlier_rate: float = 0.0
     #: Standard error of the calibration; None on a relative scale.
     calibration: float | None = None
+    #: The stated errors are taken for so many times as large as they are.
+    times_stated: float = 1.0
 
     def position_slope(self, forward: SceneForward, values: Mapping[str, float]) -> Array:
         """|gradient| of the readings, per metre, shape (n,); zeros where places are exact."""

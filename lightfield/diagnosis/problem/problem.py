@@ -65,6 +65,12 @@ class Problem:
         """The same, where curves are candidates like any other."""
         return replace(self, candidates=(*self.candidates, *self.curves), curves=())
 
+    def without_curves(self) -> Problem:
+        """The same, where curves are set aside until no named effect will do."""
+        named = tuple(c for c in self.candidates if not c.effect.is_free_form)
+        curves = tuple(c for c in self.candidates if c.effect.is_free_form)
+        return replace(self, candidates=named, curves=(*curves, *self.curves))
+
     def fit(
         self,
         explanation: Explanation,

@@ -95,7 +95,7 @@ class SearchResult:
     unknown : sequence of str
         Local unknowns that were sought like effects: they say where the rest is, and not what.
     cheaper : FittedSet, optional
-        A set that scatters and costs less than the answer, which does not, once it is settled.
+        A set that scatters and costs less than the answer, which does not, in traced light.
     finer_lamp : FittedSet, optional
         The best set with a lamp that is followed more finely.
     base_errors : mapping
@@ -185,8 +185,7 @@ class SearchResult:
 
     @property
     def in_doubt(self) -> ScoredSet | None:
-        """Of more than two effects, the set without one of them that comes nearest, where that one is one of
-        several: what the readings leave open."""
+        """Of many effects, the nearest set without one that is one of several: what readings leave open."""
         doubts = [e for e in self.many.evidence if e.level == Certainty.ONE_OF] if self.many else []
         rivals = [(e.gap, e.rival) for e in doubts if e.rival is not None]
         if not (self.beyond_two and rivals):
@@ -226,6 +225,12 @@ class SearchResult:
         return self.accepted or sorted(self.tried, key=lambda t: t.bic)[:_NEAREST]
 
     @property
+    def scatter(self) -> Adequacy | None:
+        """Test of the base model, or of what came nearest, where errors alone are too small beside it."""
+        tested = (self.level.adequacy, *(one.adequacy for one in self.contenders))
+        return next((one for one in tested if one and one.only_scatters(_ALPHA_EXPLANATION)), None)
+
+    @property
     def determined(self) -> bool:
         """Are there more readings than the best explanation has parameters? Any curve meets as many."""
         return bool(self.accepted) and self.n > len(self.accepted[0].fit.u)
@@ -253,13 +258,8 @@ class SearchResult:
 
 @dataclass(frozen=True)
 class OwnErrors:
-    """Judges explanations by diffuse light, whose response has an error of its own size.
-
-    Parameters
-    ----------
-    main : Bench
-        Of the base model; sets scale and tolerance.
-    """
+    """Judges explanations by diffuse light, whose response has an error of its own size; the `main` bench,
+    of the base model, sets scale and tolerance."""
 
     prepared: Prepared
     main: Bench

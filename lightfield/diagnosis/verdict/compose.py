@@ -40,7 +40,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.rest.left_over import left_over
-from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
+from lightfield.diagnosis.verdict.rest.misfit import along, beyond_errors, unexplained
 from lightfield.diagnosis.verdict.trust import Trust, noise_floor, pure_error, set_aside
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
@@ -206,7 +206,9 @@ def _left_open(basis: VerdictBasis, kind: Kind, advise: bool) -> _Undecided:
     prepared, finding = basis.prepared, basis.finding
     best = finding.best
     if best is None:
-        if kind != Kind.UNEXPLAINED or finding.withheld or finding.in_part:
+        # What scatters more than stated may do so along a coordinate, as a lamp that flickers.
+        scatters = basis.trust.doubt is not None and basis.trust.doubt.reason is DoubtReason.SCATTER
+        if kind != Kind.UNEXPLAINED or ((finding.withheld or finding.in_part) and not scatters):
             return _Undecided()
         local = left_over(prepared, finding, basis.readings) if advise or finding.unknown else []
         misfit, advice = unexplained(prepared, finding, local)
@@ -294,9 +296,11 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
     used = _readings_used(basis)
     if doubt is not None and doubt.structure is not None:
         coordinate, advice = doubt.structure.coordinate, look(used.set_aside)
+    if doubt is not None and doubt.reason is DoubtReason.SCATTER:
+        advice = beyond_errors(problem)
     explanations, of_best = _explanations(basis, units, advise), _of_best(finding, units)
-    # Too much noise names nothing; readings set aside leave the others as they are.
-    nameless = doubt is not None and doubt.reason is not DoubtReason.SET_ASIDE
+    # Too much noise names nothing; readings set aside, or more scatter than stated, leave others as they are.
+    nameless = doubt is not None and not doubt.leaves_names
     told = [] if nameless else found_effects(basis.forward, finding, of_best)
     # By name: of an effect with several forms one may be in the best set, and another not testable.
     named, budget = {one.effect for one in told}, basis.prepared.noise.budget

@@ -13,6 +13,8 @@ from lightfield.wording import plain
 
 #: So often a reading that was set aside is to be repeated. Chosen: once could be another slip.
 REPEATS = 3
+#: And one whose scatter is to be told. Chosen: the error of an error from ten is a quarter of it.
+_IN_A_ROW = 10
 
 
 class Asks(str, Enum):
@@ -23,6 +25,7 @@ class Asks(str, Enum):
     REPEAT = "repeat where the misfit is largest"
     REFERENCE = "repeat one position in time"
     LOOK = "look what stands in the light"
+    IN_A_ROW = "repeat one position in a row"
 
 
 class NextMeasurement(Record):
@@ -66,6 +69,18 @@ def look(aside: Sequence[SetAside]) -> NextMeasurement:
     one = aside[0]
     spot = PlaceToRead(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=REPEATS)
     return NextMeasurement(asks=Asks.LOOK, readings=[spot])
+
+
+def in_a_row(spot: PlaceToRead) -> NextMeasurement:
+    """What to do about readings that scatter more than their errors say, and as no effect would.
+
+    Parameters
+    ----------
+    spot : PlaceToRead
+        A bright one.
+    """
+    again = spot.model_copy(update={"repeats": _IN_A_ROW})
+    return NextMeasurement(asks=Asks.IN_A_ROW, readings=[again])
 
 
 def what_next(verdict: Kind, asked: NextMeasurement | None) -> str:
@@ -119,6 +134,15 @@ def _look(asked: NextMeasurement) -> str:
     )
 
 
+def _in_a_row(asked: NextMeasurement) -> str:
+    spot = asked.readings[0]
+    return (
+        f"Read one bright place ({_where(spot)}) {spot.repeats} times in a row, and as often with the "
+        "detector moved away and back each time: what the first scatter by is the lamp's and the detector's, "
+        "what the others scatter by is the error of a reading, and belongs into stderr."
+    )
+
+
 #: Where no answer is sure, and yet no reading is named.
 _UNASKED: dict[Kind, str] = {
     Kind.AMBIGUOUS: "No reading is named that would tell for sure: that is worked out where two whole "
@@ -131,4 +155,5 @@ _WORDS = {
     Asks.REPEAT: _repeat,
     Asks.REFERENCE: _reference,
     Asks.LOOK: _look,
+    Asks.IN_A_ROW: _in_a_row,
 }

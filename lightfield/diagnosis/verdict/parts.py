@@ -330,6 +330,7 @@ class DoubtReason(Word):
     PINNED = "the readings ask for what is impossible"
     SET_ASIDE = "readings set aside are no slips"
     NOT_CONFIRMED = "a fresh render does not confirm the fit"
+    SCATTER = "the readings scatter far more than stated"
 
 
 class Doubt(Record):
@@ -346,3 +347,9 @@ class Doubt(Record):
     named: list[str] = Field(default_factory=list, description="effects that were not confirmed")
     fitted_percent: float | None = Field(None, description="error of the fit that was not confirmed")
     rendered_percent: float | None = Field(None, description="error of the fresh render of it")
+    times: float | None = Field(None, description="scatter over the stated errors")
+
+    @property
+    def leaves_names(self) -> bool:
+        """Does what was found hold for the readings, but for some, or for what they scatter by?"""
+        return self.reason in (DoubtReason.SET_ASIDE, DoubtReason.SCATTER)

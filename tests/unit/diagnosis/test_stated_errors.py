@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from analytic_readings import scene
+from analytic_readings import readings, scene
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.cautions.caution import Warns
+from lightfield.diagnosis.verdict.next_measurement import Asks
+from lightfield.diagnosis.verdict.parts import DoubtReason
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -148,3 +152,40 @@ def test_readings_without_noise_are_told_like_others(
     verdict = diagnose(readings, believed, diffuse=None, only=only, advise=False).verdict
     assert verdict.verdict == ("identified" if found else "none")
     assert sorted(verdict.best_set) == found
+
+
+@pytest.mark.parametrize(
+    ("times", "hidden", "found"),
+    [
+        (10.0, {}, []),
+        (3.0, {"lamp.offset_x_m": 0.03, "detector.background": 0.01}, ["beam_offset", "background"]),
+    ],
+)
+def test_scatter_that_no_effect_makes_is_no_structure(times: float, hidden: dict, found: list[str]) -> None:
+    """Errors of a mean of many readings, say: it was laid to the angle, or to a plane, after minutes."""
+    table, believed = readings(hidden, seed=1)
+    verdict = diagnose(replace(table, stderr=table.stderr / times), believed, diffuse=None).verdict
+    assert (verdict.verdict, verdict.best_set, verdict.unexplained_coordinate) == ("unexplained", found, None)
+    assert verdict.reason_to_doubt is not None and verdict.reason_to_doubt.reason is DoubtReason.SCATTER
+    assert verdict.reason_to_doubt.times == pytest.approx(times, rel=0.2)
+    assert verdict.variance_scale == pytest.approx(times**2, rel=0.4)
+    assert set(verdict.partial) == set(found)
+    assert ("In errors as large as that no effect is missing." in verdict.sentence) == (not found)
+    assert verdict.next_measurement is not None and verdict.next_measurement.asks is Asks.IN_A_ROW
+
+
+def test_scatter_in_time_is_laid_to_the_time() -> None:
+    """A lamp whose power wanders by 5 % within minutes, read in random order: no error of single readings."""
+    rng = np.random.default_rng(8)
+
+    def wandering(table: Readings) -> np.ndarray:
+        order, walk = np.argsort(table.time_s), np.empty(len(table))
+        state, kept = 0.0, np.exp(-np.diff(np.sort(table.time_s), prepend=0.0) / 100.0)
+        for at, part in zip(order, kept, strict=True):
+            state = part * state + np.sqrt(1 - part**2) * rng.standard_normal()
+            walk[at] = state
+        return np.exp(0.05 * walk)
+
+    table, believed = readings(seed=1, factor=wandering)
+    verdict = diagnose(table, believed, diffuse=None).verdict
+    assert (verdict.verdict, verdict.unexplained_coordinate) == ("unexplained", "time")

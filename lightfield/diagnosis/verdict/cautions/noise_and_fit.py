@@ -27,7 +27,8 @@ _SETTLING = "water.settling_per_m"
 def variance_scale(prepared: Prepared, finding: SearchResult) -> float:
     """Variance of the readings' errors over the quoted one: what is left beside what explains the readings
     is noise, too. Errors that were raised here, as bands are no more alike, are not called too large."""
-    scale = prepared.excess * finding.level.bench.phi * finding.scale
+    times = prepared.noise.budget.times_stated
+    scale = prepared.excess * finding.level.bench.phi * finding.scale * times**2
     return scale if scale >= 1.0 else min(1.0, scale * prepared.raised)
 
 

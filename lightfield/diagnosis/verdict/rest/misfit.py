@@ -20,7 +20,7 @@ from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.next_measurement import REPEATS, NextMeasurement, repeat
+from lightfield.diagnosis.verdict.next_measurement import REPEATS, NextMeasurement, in_a_row, repeat
 from lightfield.diagnosis.verdict.parts import LeftOver, Misfit, PlaceToRead
 from lightfield.diagnosis.verdict.rest.left_over import Local, without_it
 from lightfield.diagnosis.verdict.trust import error_scale
@@ -88,8 +88,16 @@ def unexplained(
     prediction = beside[0][1].prediction if best is None else best.prediction
     z = np.abs(problem.keep * (problem.value - prediction) / prepared.noise.sigma)
     spot = _spot(problem, int(z.argmax()))
-    misfit = best.misfit if best is not None and best.explained > _NAMED else None
+    # Of readings that scatter alone every factor takes a part away, by chance.
+    alone = min(fit.chi2 / scale + _numbers(problem, effects) for effects, fit in beside)
+    named = best is not None and best.explained > _NAMED and best.score < alone
+    misfit = best.misfit if best is not None and named else None
     return misfit, repeat(spot, misfit)
+
+
+def beyond_errors(problem: Problem) -> NextMeasurement:
+    """Where to read again what scatters more than its errors say, and as no effect would."""
+    return in_a_row(_spot(problem, int((problem.keep * problem.value).argmax())))
 
 
 def along(misfit: Misfit | None, left: Sequence[LeftOver]) -> list[LeftOver]:

@@ -38,6 +38,12 @@ def doubt(why: Doubt, asked: Sequence[str] = ()) -> str:
         return f"{_NO_BEAM}: they do not change from place to place, where the lamp's light does"
     if why.reason is DoubtReason.NO_BETTER:
         return f"{_NO_BEAM}: one and the same value everywhere tells them as well as the model does"
+    if why.reason is DoubtReason.SCATTER:
+        return (
+            f"the readings scatter {why.times:.1f} times as much as their errors say, and not in a way that "
+            "an effect would: these are no errors of single readings (of their mean, or in another unit), or "
+            "something changes from one reading to the next, as a lamp that flickers"
+        )
     if why.reason is DoubtReason.PINNED:
         pinned = " and ".join(f"{path} = {value + 0.0:.3g}" for path, value in why.pinned.items())
         return f"{_NO_BEAM}: they ask for more than {pinned} allows, the edge of what is possible"

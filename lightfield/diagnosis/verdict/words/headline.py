@@ -62,9 +62,11 @@ def words_of(v: VerdictData) -> Said:
 
 def _doubted(v: VerdictData, why: Doubt) -> Said:
     """Why there is no answer; beside readings that are beyond all effects, what is known of the others."""
-    partly = why.reason is DoubtReason.SET_ASIDE
-    known = so_far(v.found, v.ladder, " of the others") if partly else ()
-    return Said.of(f"Unexplained{' in part' if known else ''}: {doubt(why, v.asked)}.", *known)
+    others = " of the others" if why.reason is DoubtReason.SET_ASIDE else ""
+    known = so_far(v.found, v.ladder, others) if why.leaves_names else ()
+    told = Said.of(f"Unexplained{' in part' if known else ''}: {doubt(why, v.asked)}.", *known)
+    nothing = why.reason is DoubtReason.SCATTER and not v.found
+    return told.then("In errors as large as that no effect is missing.") if nothing else told
 
 
 def _found(v: VerdictData) -> Said:

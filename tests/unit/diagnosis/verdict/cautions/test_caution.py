@@ -72,7 +72,7 @@ def test_every_advice_has_words_and_reads_back(asks: Asks) -> None:
     in_a_band = told.model_copy(update={"wavelength_nm": 443.0})
     assert (" readings at 443 nm (x = " in in_a_band.sentence) == (asks is Asks.PART)
     assert ("7.5 sigma" in told.sentence) == (asks is Asks.PART)
-    assert ("z = 6.5" in told.sentence) == (asks in (Asks.PART, Asks.REPEAT, Asks.LOOK))
+    assert ("z = 6.5" in told.sentence) == (asks in (Asks.PART, Asks.REPEAT, Asks.LOOK, Asks.IN_A_ROW))
     data = told.model_dump(mode="json")
     assert data["sentence"] == told.sentence
     assert NextMeasurement.model_validate(data) == told
@@ -123,7 +123,8 @@ def test_scattering_is_that_of_a_phase_function(
         levels=[],
     )  # fmt: skip
     finding.levels.append(finding.level)
-    of_layout = SimpleNamespace(layout=SimpleNamespace(common=np.zeros(1)))
+    as_stated = SimpleNamespace(times_stated=1.0)
+    of_layout = SimpleNamespace(layout=SimpleNamespace(common=np.zeros(1)), budget=as_stated)
     prepared = SimpleNamespace(
         doubted=False, errors_stated=True, excess=1.0, raised=1.0, problem=of_layout, noise=of_layout
     )

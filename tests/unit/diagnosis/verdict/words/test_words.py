@@ -189,6 +189,10 @@ NO_SLIPS = "readings that no known effect reaches are no slips: they lie togethe
         (DoubtReason.PINNED, {"pinned": {"gain": 0.74, "water.absorption_per_m": -0.0}},
          f"{NO_BEAM}: they ask for more than gain = 0.74 and water.absorption_per_m = 0 allows, the edge of "
          "what is possible"),
+        (DoubtReason.SCATTER, {"times": 3.44},
+         "the readings scatter 3.4 times as much as their errors say, and not in a way that an effect would: "
+         "these are no errors of single readings (of their mean, or in another unit), or something changes "
+         "from one reading to the next, as a lamp that flickers"),
         (DoubtReason.NOT_CONFIRMED,
          {"named": ["beam_tilt", "cdom"], "fitted_percent": 0.4, "rendered_percent": 2.13},
          "beam tilt and CDOM would explain the readings, but the fresh render does not confirm the fit "
