@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.errors import RenderError
 from lightfield.render.diffuse.diffuse_response import REFLECTED, DiffuseResponse
 from lightfield.render.diffuse.shift import ShiftParts
@@ -56,7 +56,7 @@ class LightClass:
 
     counts: NDArray[np.int_]
     excess_m: Array
-    open_ended: NDArray[np.bool_]
+    open_ended: Mask
     mean: Array
     wanted: Array | None
 
