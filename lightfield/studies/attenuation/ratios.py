@@ -170,7 +170,7 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
         other = PairMeans(clear[:, None] * np.ones(pairs.shape), np.zeros(pairs.shape))
     bright, left_out = _bright(pairs, water, other, clear > 0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        y = np.where(bright, np.log(water.mean / other.mean), np.nan) - geometry[:, None]
+        ln = np.where(bright, np.log(water.mean / other.mean), np.nan) - geometry[:, None]
         stderr = np.where(bright, np.hypot(water.error / water.mean, other.error / other.mean), np.nan)
     seen, budget = seen_by(table, scene, pairs.wavelength_nm), budget_of(table)
     notes += [*_left_in(readings, scene), *left_out]
@@ -181,16 +181,17 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
         )
     if not budget.gain_stated:
         notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
-    distances, stay = np.unique(pairs.places[:, 2], return_inverse=True)
+    x, y, z = pairs.places.T
+    distances, stay = np.unique(z, return_inverse=True)
     behind = scene.lamp.apparent_distance_m
     variance = stay_variance(
-        table, media, distances, budget.plane_gain, budget.position_m, behind, falls(y, path)
+        table, media, distances, budget.plane_gain, budget.position_m, behind, falls(ln, path)
     )
     together = of_places([pairs.means(light, common, medium) for medium in media])
     aside = sideways(lossless, table, media, pairs.places, pairs.place, budget.position_m)
     found = Ratios(
-        scene, *pairs.places.T, path, stay, np.sqrt(variance), np.hypot(together, aside), pairs.wavelength_nm,
-        y, stderr, geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
+        scene, x, y, z, path, stay, np.sqrt(variance), np.hypot(together, aside), pairs.wavelength_nm,
+        ln, stderr, geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
     )  # fmt: skip
     found = _enough(found, where)
     return found if np.isfinite(table.common_percent).any() else _as_bands_scatter(found)
@@ -211,12 +212,12 @@ def _refuse_one_medium(air: Mask, in_air: bool, where: str | None) -> None:
 def _straight(scene: Scene, lossless: Scene, places: Array, in_air: bool) -> tuple[Array, Array, Array]:
     """Of every place: the formula's light in lossless water, the straight path in water, m, and delta."""
     thick = lossless.with_values({"water.absorption_per_m": 1.0}, validate=False)
-    clear, geometry = direct_field(lossless, *places.T), np.zeros(len(places))
+    (x, y, z), geometry = places.T, np.zeros(len(places))
+    clear = direct_field(lossless, x, y, z)
     with np.errstate(invalid="ignore"):  # 0 / 0 where the receiver does not see the lamp: left out later
-        path = np.log(clear / direct_field(thick, *places.T))
+        path = np.log(clear / direct_field(thick, x, y, z))
         if in_air:
-            empty = direct_field(scene, *places.T, medium=np.ones(len(places), bool))
-            geometry = np.log(clear / empty)
+            geometry = np.log(clear / direct_field(scene, x, y, z, medium=np.ones(len(z), bool)))
     return clear, path, geometry
 
 
