@@ -209,17 +209,7 @@ def best_band(
     """
     read = scene.detector.distances_m
     z = np.unique(np.asarray(distances_m or (read[0], read[-1]), float))
-    if not ((z > 0) & (z <= FARTHEST_M)).all():
-        raise UsageError(
-            "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"
-        )
-    if not (0 < low_nm < high_nm < np.inf and _STEP_NM <= width_nm <= high_nm - low_nm):
-        raise UsageError(
-            "impossible bands", where="width and range of the bands",
-            found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
-            rule=f"at least {_STEP_NM:g} nm wide, and no wider than the range they lie in",
-            remedy="change the width, or the range",
-        )  # fmt: skip
+    _check(z, width_nm, low_nm, high_nm)
     own = scene.detector.bands_nm[0]
     first, last = min(low_nm, own[0]), max(high_nm, own[1])
     # At whole steps, where tables of water have their rows.
@@ -258,6 +248,21 @@ def best_band(
     shares = shares_of(at, fine, what[0], lows, highs), shares_of(at, fine, what[1], lows, highs)
     bands = _bands(spectrum, light, (lows, highs), shares, noise or CountNoise())
     return Bands(spectrum, bands.isel(low_nm=slice(-1)), tuple(_best(bands, width_nm)), width_nm, scene)
+
+
+def _check(z: Array, width_nm: float, low_nm: float, high_nm: float) -> None:
+    """Refuse distances and bands that cannot be asked about."""
+    if not ((z > 0) & (z <= FARTHEST_M)).all():
+        raise UsageError(
+            "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"
+        )
+    if not (0 < low_nm < high_nm < np.inf and _STEP_NM <= width_nm <= high_nm - low_nm):
+        raise UsageError(
+            "impossible bands", where="width and range of the bands",
+            found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
+            rule=f"at least {_STEP_NM:g} nm wide, and no wider than the range they lie in",
+            remedy="change the width, or the range",
+        )  # fmt: skip
 
 
 def _transmitted(
