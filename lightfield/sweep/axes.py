@@ -364,9 +364,8 @@ def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Sce
 
 def _made(scene: Scene, path: str, value: Any) -> Any:
     """What a table, or a list of tables, stands for in the scene, as a phase function; else the value."""
-    if not isinstance(value, dict) and not (
-        isinstance(value, tuple) and any(isinstance(v, dict) for v in value)
-    ):
+    parts = value if isinstance(value, tuple) else (value,)
+    if not any(isinstance(part, dict) for part in parts):
         return value
     above, _, name = path.rpartition(".")
     try:

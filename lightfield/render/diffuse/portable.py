@@ -127,27 +127,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
     RenderError
         The scene has light that more than water and walls decide, or its water was traced twice.
     """
-    water = scene.water
-    changes = not switched_off(water, Acts.AGEING | Acts.HARDENING)
-    if changes or scene.lamp.apparent_distance_m or response.denser is not None:
-        raise RenderError(
-            "this light is not to be had as plain arrays",
-            found="water that changes in time or within the band, an apparent source, or two traces",
-            rule="one trace, in steady water, from a lamp at the window",
-        )
-    tank = scene.tank
-    if tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and scene.reflects:
-        raise RenderError(
-            "this light is not to be had as plain arrays",
-            found="a floor or a far end of another albedo than the walls",
-            rule="walls, floor and ends of one albedo",
-        )
-    if tank is not None and tank.panes != "none":
-        raise RenderError(
-            "this light is not to be had as plain arrays",
-            found="panes of glass",
-            rule="walls that mirror nothing",
-        )
+    _refuse_more(response, scene)
     lights, classes = _lights(response.clear, scene), []
     for light, kinds in lights:
         if not any(kind in light.kinds for kind in kinds):
@@ -167,7 +147,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
     light = lights[-1][0]
     reference = light.reference
     shift = response.shift
-    depth = layers_depth(water, shift.cell_z_m, response.straight_m, 0.5 * shift.cell_y_m)
+    depth = layers_depth(scene.water, shift.cell_z_m, response.straight_m, 0.5 * shift.cell_y_m)
     return Portable(
         reference.absorption_per_m,
         reference.scattering_per_m,
@@ -182,6 +162,28 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
         shift.parts,
         _reflections(response, scene, most_per_m, most_albedo),
     )
+
+
+def _refuse_more(response: DiffuseResponse, scene: Scene) -> None:
+    """Refuse what the arrays do not hold."""
+    tank = scene.tank
+    changes = not switched_off(scene.water, Acts.AGEING | Acts.HARDENING)
+    shares = tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and scene.reflects
+    for refused, found, rule in (
+        (
+            changes or scene.lamp.apparent_distance_m or response.denser is not None,
+            "water that changes in time or within the band, an apparent source, or two traces",
+            "one trace, in steady water, from a lamp at the window",
+        ),
+        (
+            shares,
+            "a floor or a far end of another albedo than the walls",
+            "walls, floor and ends of one albedo",
+        ),
+        (tank is not None and tank.panes != "none", "panes of glass", "walls that mirror nothing"),
+    ):
+        if refused:
+            raise RenderError("this light is not to be had as plain arrays", found=found, rule=rule)
 
 
 def _lights(water: TracedWater, scene: Scene) -> list[tuple[TracedLight, range]]:
