@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebpts1
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
@@ -214,7 +215,7 @@ def _reflections(
     seen = dark > 0
     way = np.where(seen, np.log(np.where(seen, dark, 1.0) / np.where(dim > 0, dim, 1.0)), 0.0)
     nodes = _STEP_PER_M * np.arange(int(np.ceil(most_per_m / _STEP_PER_M)) + 4)
-    albedos = most_albedo * (0.5 - 0.5 * np.cos(np.pi * (np.arange(_ALBEDOS) + 0.5) / _ALBEDOS))
+    albedos = 0.5 * most_albedo * (1 + chebpts1(_ALBEDOS))
     if scene.reflectances[0] == 0:
         return Reflections(dark, way, _STEP_PER_M, albedos, np.zeros((0, _ALBEDOS, len(dark))))
     walls = [
