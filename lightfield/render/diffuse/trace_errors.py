@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf
 from scipy.sparse import csr_array
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.decompositions import eigen
 from lightfield.render.diffuse.between_g import PassedOn
 from lightfield.render.diffuse.shift import Shift
@@ -177,7 +177,7 @@ def as_few(modes: Array) -> Array:
     n, k = modes.shape
     if k <= n:
         return modes
-    size = np.maximum(np.linalg.norm(modes, axis=1, keepdims=True), 1e-300)
+    size = np.maximum(np.linalg.norm(modes, axis=1, keepdims=True), TINY)
     unit = modes / size
     variance, directions = eigen(unit @ unit.T)
     return np.asarray(size * directions * np.sqrt(np.maximum(variance, 0.0)))
@@ -197,7 +197,7 @@ def fewer_modes(modes: Array) -> Array:
     array, shape (n, rank)
     """
     size = np.linalg.norm(modes, axis=1, keepdims=True)
-    unit = modes / np.maximum(size, 1e-300)
+    unit = modes / np.maximum(size, TINY)
     root, order, rank, _ = dpstrf(unit @ unit.T, tol=LEFT_OUT, lower=1)
     out = np.empty((len(modes), rank))
     out[order - 1] = np.tril(root)[:, :rank]

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lightfield.arrays import Array, Mask
+from lightfield.arrays import TINY, Array, Mask
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.lamp.section import is_even
@@ -137,5 +137,5 @@ def beam_angles(lamp: Lamp, x: Array, y: Array, z: Array) -> tuple[Array, Array]
 def angles_about_axis(x: Array, y: Array, z: Array | float) -> tuple[Array, Array]:
     """theta (cos phi, sin phi), rad, of vectors with these components in the frame of the beam."""
     across = np.sqrt(x * x + y * y)
-    scale = np.arctan2(across, z) / np.maximum(across, 1e-300)
+    scale = np.arctan2(across, z) / np.maximum(across, TINY)
     return x * scale, y * scale

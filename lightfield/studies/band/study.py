@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
@@ -288,9 +288,9 @@ def _transmitted(
     else:
         light = np.array([direct_field(scene, x, y, places, np.full(len(x), w)) for w in at]).T
         error = np.zeros_like(light)
-    ln = np.log(np.maximum(light, 1e-300)) + 2 * np.log(places)[:, None]
+    ln = np.log(np.maximum(light, TINY)) + 2 * np.log(places)[:, None]
     near, _, far = np.split(ln, 3)
-    first, _, last = np.split(error / np.maximum(light, 1e-300), 3)
+    first, _, last = np.split(error / np.maximum(light, TINY), 3)
     width = (2 * step * z)[:, None]
     return np.split(light, 3)[1], (near - far) / width, np.hypot(first, last) / width
 

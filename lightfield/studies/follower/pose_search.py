@@ -31,7 +31,7 @@ LONGEST_STEP = 0.5
 #: Where it ends the readings say (chosen).
 FEW_STEPS = 3
 #: Least curvature of a coordinate, in the units of `information`: keeps dark starts from dividing by nothing.
-TINY = 1e-30
+_LEAST_CURVATURE = 1e-30
 #: Angles, rad, up to which the follower may be turned (chosen: 35 degrees, beyond it loses sight of the
 #: lamp).
 MOST_TURNED = 0.6
@@ -247,7 +247,7 @@ def find_minima(
 def _damped_step(slopes: Array, residual: Array, damping: Array) -> Array:
     """Steps of all starts, shape (s, k), by slopes and residuals, (s, m, k) and (s, m)."""
     curvature = np.swapaxes(slopes, 1, 2) @ slopes
-    diagonal = np.maximum(np.einsum("sii->si", curvature), TINY)
+    diagonal = np.maximum(np.einsum("sii->si", curvature), _LEAST_CURVATURE)
     damped = curvature + np.einsum("s,si,ij->sij", damping, diagonal, np.eye(diagonal.shape[1]))
     # Scaled to a unit diagonal: coordinates differ by orders of magnitude.
     scale = 1 / np.sqrt(diagonal)

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.formula.own_formulas import lit
@@ -31,7 +31,7 @@ from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.parameters import told
 from lightfield.studies import defaults
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
-from lightfield.studies.working_range.around_axis import DARK, RADII, SmoothField, smooth_excess, told_to_m
+from lightfield.studies.working_range.around_axis import RADII, SmoothField, smooth_excess, told_to_m
 from lightfield.studies.working_range.poses import known_poses, sides_met_m
 from lightfield.studies.working_range.reaches import (
     POSES,
@@ -260,7 +260,7 @@ def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:
         nearest = int(np.argmin(np.abs(RADII * field.width(z)[k] * z[k] - half[k])))
         error = float(np.linalg.norm(modes[k, nearest] - modes[k, brightest[k]]))
         r = half[k] + np.array([-_STEP_M, _STEP_M])
-        low, high = np.log(np.maximum(field.at(r**2, np.full(2, z[k])), DARK))
+        low, high = np.log(np.maximum(field.at(r**2, np.full(2, z[k])), TINY))
         found[k] = error * 2 * _STEP_M / abs(high - low)
     return found
 
