@@ -92,18 +92,11 @@ def _one_by_one(
     walls: csr_array,
     channel: NDArray[np.integer[Any]],
 ) -> Array:
-    """Every contribution of every class and trace."""
+    """Every contribution of every class and trace; to some readings at a time, as all take memory."""
+    some = [slice(first, first + _AT_ONCE) for first in range(0, len(channel), _AT_ONCE)] or [slice(0)]
     return np.concatenate(
-        [
-            _of_some(shift.shares[rows], parts, per_light, walls, channel[rows])
-            for rows in _blocks(len(channel))
-        ]
+        [_of_some(shift.shares[rows], parts, per_light, walls, channel[rows]) for rows in some]
     )
-
-
-def _blocks(n: int) -> list[slice]:
-    """Some readings at a time: what cells give to all of them takes memory."""
-    return [slice(first, first + _AT_ONCE) for first in range(0, max(n, 1), _AT_ONCE)]
 
 
 def _of_some(
