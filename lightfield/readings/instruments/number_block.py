@@ -139,12 +139,20 @@ def find_table(lines: Sequence[str], problems: Problems) -> NumberBlock | None:
 
 
 def _split(numbered: Sequence[tuple[int, str]], separator: str | None) -> list[tuple[int, list[str]]]:
-    """Cells of every line. A blank behind the last separator is none, unless the last column has blanks."""
+    """Cells of every line. Blanks behind the last separator are none, unless the last column has some."""
     whole = [(k, _cells(line, separator)) for k, line in numbered]
-    shorter = [(k, _cells(line.rstrip(), separator)) for k, line in numbered]
-    shorter = [(k, cells[:-1] if len(cells) > 2 and not cells[-1] else cells) for k, cells in shorter]
+    shorter = [(k, _without_end(cells, separator)) for k, cells in whole]
+    if shorter == whole:
+        return whole
     widths, fewer = ({len(cells) for _, cells in rows if _is_row(cells)} for rows in (whole, shorter))
     return whole if len(widths) == 1 < len(fewer) else shorter
+
+
+def _without_end(cells: list[str], separator: str | None) -> list[str]:
+    """Without a blank at the end; without all of them where tabulators are no more than white space."""
+    if separator == "\t":
+        return cells[: max((k for k, cell in enumerate(cells, 1) if cell), default=0)]
+    return cells[:-1] if len(cells) > 2 and not cells[-1] else cells
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
