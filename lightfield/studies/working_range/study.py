@@ -152,12 +152,9 @@ def working_range(
     _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9))
     check_photons(photons)
     first, last, end = _ends(scene, to_m)
-    nodes, asked = _steps(first, last, _DISTANCES), last
     with step(0, 2, "light"):
-        field, light = _field(scene, trace, nodes)
-        if (told_to := told_to_m(light, nodes)) < last:
-            last, nodes = told_to, _steps(first, told_to, _DISTANCES)
-            field, light = _field(scene, trace, nodes)
+        nodes, field, light = _as_far_as_told(scene, trace, first, last)
+    asked, last = last, float(nodes[-1])
     z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _read(scene, last)]))
     plain, _ = _field(scene, None, nodes)
     # A spot lies about the beam's own axis.
@@ -211,6 +208,18 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
         stderr = place_error(error, light, at)
         rules.append(Reach(name, at, stderr, last_place(formula, np.log(level), fine)))
     return (*rules, *pose_reaches(data, fine))
+
+
+def _as_far_as_told(
+    scene: Scene, trace: DiffuseSource | None, first: float, last: float
+) -> tuple[Array, SmoothField, LightAt]:
+    """Distances up to where the photons tell the light, m, and the light there as `_field` has it."""
+    nodes = _steps(first, last, _DISTANCES)
+    field, light = _field(scene, trace, nodes)
+    if (told_to := told_to_m(light, nodes)) < last:
+        nodes = _steps(first, told_to, _DISTANCES)
+        field, light = _field(scene, trace, nodes)
+    return nodes, field, light
 
 
 def _field(
