@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from lightfield.experiments.measure import Instrument, LightInDoubt, in_doubt, m
 from lightfield.fitting import effects
 from lightfield.readings import Readings, write_table
 from lightfield.render.limits import MADE_PHOTONS
-from lightfield.scene import Scene
+from lightfield.scene import Scene, Tank
 from lightfield.scene.curve import sum_of
 from lightfield.storage.files import write_text
 
@@ -265,6 +265,23 @@ def true_scene(scene: Scene, values: Mapping[str, Any], rng: np.random.Generator
     return scene.with_values({**changed, **values})
 
 
+def _refuse_without_effect(hidden: Collection[str], tank: Tank) -> None:
+    """Refuse parameters of faces that reflect nothing."""
+    for path, name in _FACES.items():
+        if path in hidden and tank.wall_albedo == 0:
+            raise UsageError(
+                "this effect cannot act here",
+                found=f"{name}: the walls are black",
+                remedy="hide wall_reflection too, or state tank.wall_albedo",
+            )
+    if _WAVES in hidden and tank.surface_reflectance == 0:
+        raise UsageError(
+            "this effect cannot act here",
+            found="waves: the tank has no water surface",
+            remedy='hide surface_reflection too, or state tank.surface = "flat"',
+        )
+
+
 def hide(
     scene: Scene,
     secret: Secret,
@@ -316,19 +333,8 @@ def hide(
         if name not in known:
             one, drawn[name] = unknowns.draw(name, layout_of(table), rng)
             factor = factor * one
-    for path, name in _FACES.items():
-        if path in hidden and truth.tank is not None and truth.tank.wall_albedo == 0:
-            raise UsageError(
-                "this effect cannot act here",
-                found=f"{name}: the walls are black",
-                remedy="hide wall_reflection too, or state tank.wall_albedo",
-            )
-    if _WAVES in hidden and truth.tank is not None and truth.tank.surface_reflectance == 0:
-        raise UsageError(
-            "this effect cannot act here",
-            found="waves: the tank has no water surface",
-            remedy='hide surface_reflection too, or state tank.surface = "flat"',
-        )
+    if truth.tank is not None:
+        _refuse_without_effect(hidden, truth.tank)
     light = rendered(truth, table, instrument.noise, rng, max_photons)
     readings, clean = measure(truth, table, light, instrument, rng, factor)
     doubt = in_doubt(light, instrument, clean, max_photons)

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.readings import Readings
 from lightfield.readings.columns import LINE_DECIMALS
 from lightfield.scene import Scene
@@ -40,7 +40,7 @@ class MapPlaces:
     z_m: tuple[float, ...]
     x_m: Array
     y_m: Array
-    wet: NDArray[np.bool_]
+    wet: Mask
 
     @classmethod
     def of(cls, scene: Scene, readings: Readings | None) -> MapPlaces:
@@ -72,11 +72,11 @@ class MapPlaces:
             "time_s": np.zeros(n),
         }
 
-    def rows(self, plane: int) -> NDArray[np.bool_]:
+    def rows(self, plane: int) -> Mask:
         """Which of all places in the water lie on a plane."""
         return np.repeat(np.arange(len(self.z_m)) == plane, self.wet.sum())
 
-    def some(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def some(self, kept: Mask) -> Mask:
         """Which of all places in the water lie in kept columns and rows of a map, shape (SIDE,) each."""
         return np.tile(np.outer(kept, kept)[self.wet], len(self.z_m))
 

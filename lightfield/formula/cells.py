@@ -6,9 +6,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.formula.own_formulas import on_path
 from lightfield.formula.scattered.quadrature import Quadrature, finest_rad, interval
 from lightfield.scene import Detector, Lamp, Scene
@@ -116,7 +115,7 @@ def pitch_m(centres_m: Array) -> float:
     return float(np.median(np.diff(centres_m))) if centres_m.size > 1 else 0.0
 
 
-def axis_cells(x_m: Array, y_m: Array) -> NDArray[np.bool_]:
+def axis_cells(x_m: Array, y_m: Array) -> Mask:
     """The cell, or the equally near cells, at x = y = 0; shape (n_y, n_x)."""
     radius = np.hypot(*np.meshgrid(x_m, y_m))
     return np.asarray(radius <= radius.min() * (1 + 1e-6) + 1e-12)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.scene.curve import value_at
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def readout(scene: Scene, signal: ArrayLike, full: float | None = None, taken: T
         reading = reading + detector.stray_light * (mean[taken.spectrum] - reading)
     reading = reading + ambient(scene, taken.time_s, taken.wavelength_nm)
     if detector.saturation or detector.saturation_quadratic:
-        level = float(np.max(np.abs(reading), initial=1e-300)) if full is None else full
+        level = float(np.max(np.abs(reading), initial=TINY)) if full is None else full
         s = reading / level
         if detector.saturation:
             s = s / (1.0 + detector.saturation * s)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lightfield.arrays import TINY
+
 # Multi-lobe fits of the CIE 1931 2 degree colour matching functions: Wyman, Sloan & Shirley (2013),
 # "Simple analytic approximations to the CIE XYZ color matching functions", JCGT 2(2), eq. 4.
 # Each lobe: height, centre in nm, width factor below and above the centre.
@@ -76,6 +78,6 @@ def linear_rgb(value: NDArray[np.float64], wavelength_nm: NDArray[np.float64]) -
     rgb = np.clip(xyz @ _XYZ_TO_RGB.T, 0.0, None)
     peak = float(rgb.max()) if rgb.size else 0.0
     # Bands outside the visible have no colour: show them grey rather than black.
-    if peak < 1e-6 * max(float(np.max(np.abs(value), initial=0.0)), 1e-300):
+    if peak < 1e-6 * max(float(np.max(np.abs(value), initial=0.0)), TINY):
         rgb = np.repeat(np.clip(np.mean(value, axis=0), 0.0, None)[..., None], 3, axis=-1)
     return rgb

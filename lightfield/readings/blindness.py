@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.readings.load_warning import LoadWarning, Remarks
 from lightfield.readings.other_units import unit_warnings
 from lightfield.readings.unchecked import Unchecked
@@ -82,7 +81,7 @@ def _of_zeros(readings: Unchecked) -> list[LoadWarning]:
     return [LoadWarning(Remarks.EXACT_ZEROS, {"zeros": zeros, "readings": counted})]
 
 
-def _of_time(readings: Unchecked, water: NDArray[np.bool_]) -> list[LoadWarning]:
+def _of_time(readings: Unchecked, water: Mask) -> list[LoadWarning]:
     time, z = readings.time_s[water], _place(readings.z_m[water])
     if np.isnan(time).any():
         return [LoadWarning(Remarks.NO_TIME)]

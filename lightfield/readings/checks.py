@@ -9,9 +9,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.readings import units
 from lightfield.readings.columns import MEDIA, NUMBER_COLUMNS, QUANTITIES, ROLES, SCALES, TERMS
 from lightfield.readings.other_units import unit_of_lengths
@@ -282,7 +281,7 @@ def _check_tank(readings: Unchecked, tank: Tank, refuse: Callable[..., None]) ->
     across, up, (_, end) = tank.box_m
     ends = {"x_m": across, "y_m": up, "z_m": (0.0, end)}
 
-    def beyond(values: Array, name: str) -> NDArray[np.bool_]:
+    def beyond(values: Array, name: str) -> Mask:
         low, high = ends[name]
         return (readings.medium == "water") & ((values < low - 1e-9) | (values > high + 1e-9))
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 
 #: Cosine of the turn at a reading up to which the motion goes on. Chosen: rows are straight.
 _GOES_ON = 0.5
@@ -32,7 +31,7 @@ class Motion(NamedTuple):
     """
 
     way: Array
-    goes_on: NDArray[np.bool_]
+    goes_on: Mask
 
     @property
     def to_and_fro(self) -> bool:
@@ -44,7 +43,7 @@ class Motion(NamedTuple):
         """Where it reads while it passes places, x, y and z in m, each of shape (n,)."""
         return tuple(at - lag_m * way for at, way in zip(places, self.way, strict=True))
 
-    def some(self, rows: NDArray[np.bool_]) -> Motion:
+    def some(self, rows: Mask) -> Motion:
         """At some of the readings, as it was."""
         return Motion(self.way[:, rows], self.goes_on[rows])
 

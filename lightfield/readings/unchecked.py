@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.errors import MeasurementError
 from lightfield.readings.columns import COLUMNS, ErrorBudget
 from lightfield.readings.load_warning import LoadWarning
@@ -79,7 +79,7 @@ class Unchecked:
     role: NDArray[np.str_]
     repeat: Array
     visit: Array
-    saturated: NDArray[np.bool_]
+    saturated: Mask
     budget: ErrorBudget = field(default_factory=ErrorBudget)
     quantity: str = ""
     scale: str = "relative"

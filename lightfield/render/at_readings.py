@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.formula.own_formulas import lit
 from lightfield.readings import Readings
 from lightfield.readings.motion import motion_of
@@ -95,7 +94,7 @@ def _render(
     x: Array,
     y: Array,
     z: Array,
-    dry: NDArray[np.bool_],
+    dry: Mask,
     channels: Array,
     time: Array,
     **settings: Unpack[SharedTracing],

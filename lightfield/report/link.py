@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lightfield.report.page import Section, Table, page_figure, study_page
@@ -20,6 +21,7 @@ from lightfield.studies.link.text import (
     reported_rows,
     rows,
 )
+from lightfield.studies.working_range.reaches import Reach
 from lightfield.studies.working_range.text import UNTOLD
 
 #: Below this many errors per bit a figure shows none.
@@ -28,54 +30,65 @@ _LEAST_BER = 1e-12
 
 def reach_figure(found: Link, narrow: bool = False) -> Figure:
     """Left: errors per bit against distance. Right: how far each water lets data go, and docking reports."""
-    data, z = found.dataset, found.dataset.z_m.values
-    names = [str(name) for name in data.water.values]
     with panels(2, 4.2, narrow=narrow) as (fig, (left, right)):
-        for k, name in enumerate(names):
-            shade = SERIES[k % len(SERIES)]
-            left.plot(z, np.maximum(data.ber.values[k], _LEAST_BER), color=shade, label=name)
-            left.plot(z, np.maximum(data.ber_formula.values[k], _LEAST_BER), color=shade, linestyle=DASH)
-        left.axhline(found.receiver.ber, color=BAD, linewidth=1)
-        left.set_yscale("log")
-        left.set_ylim(_LEAST_BER, 0.6)
-        label(
-            left, "z (m)", "errors per bit", f"{found.receiver.bit_rate_per_s / 1e6:g} Mbit/s, on-off keying"
-        )
-        far = float(z[-1])
-        for k, name in enumerate(names):
-            reach, y = found.reaches[name], len(names) - k
-            docking = reach.docking
-            for at, near, formula, most, above, words in (
-                (reach.data_m, np.nan, reach.data_formula_m, far, 0.18, "data"),
-                (docking.z_m, docking.from_m, docking.formula_m, found.docking_to_m, -0.18, "docking"),
-            ):
-                length, begin = (0.0 if np.isnan(v) else min(v, most) for v in (at, near))
-                right.barh(
-                    y + above, length - begin, left=begin, height=0.32, color=SERIES[k % len(SERIES)],
-                    alpha=0.45,
-                )  # fmt: skip
-                straight = most if np.isinf(formula) else 0.0 if np.isnan(formula) else formula
-                right.plot([straight] * 2, [y + above - 0.16, y + above + 0.16], color=INK, linewidth=2)
-                shown = f"> {most:g} m" if np.isinf(at) else f"{length:.1f} m"
-                if np.isfinite(near):
-                    shown = f"{near:.1f} m to {shown}"
-                if np.isnan(at):
-                    told = words == "data" or docking.is_told
-                    shown = f"nowhere from {z[0]:g} m on" if told else UNTOLD
-                right.annotate(
-                    f"{words}: {shown}",
-                    (max(length, straight), y + above),
-                    (5, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=8.5,
-                )
-        right.set_xlim(0, 1.45 * far)
-        right.set_yticks(range(len(names), 0, -1), names)
-        right.grid(False, axis="y")
-        label(right, "farthest distance (m)", "", "With scattered light; black: by exp(−cz)")
+        _draw_errors(left, found)
+        _draw_reaches(right, found)
         legend_below(fig, left, title="lines; dashed: exp(−cz)")
     return fig
+
+
+def _draw_errors(axes: Axes, found: Link) -> None:
+    data, z = found.dataset, found.dataset.z_m.values
+    for k, name in enumerate(data.water.values):
+        shade = SERIES[k % len(SERIES)]
+        axes.plot(z, np.maximum(data.ber.values[k], _LEAST_BER), color=shade, label=str(name))
+        axes.plot(z, np.maximum(data.ber_formula.values[k], _LEAST_BER), color=shade, linestyle=DASH)
+    axes.axhline(found.receiver.ber, color=BAD, linewidth=1)
+    axes.set_yscale("log")
+    axes.set_ylim(_LEAST_BER, 0.6)
+    label(axes, "z (m)", "errors per bit", f"{found.receiver.bit_rate_per_s / 1e6:g} Mbit/s, on-off keying")
+
+
+def _draw_reaches(axes: Axes, found: Link) -> None:
+    """Two bars for each water: data above, docking below."""
+    names = [str(name) for name in found.dataset.water.values]
+    first, last = (float(z) for z in found.dataset.z_m.values[[0, -1]])
+    for k, name in enumerate(names):
+        its, y, shade = found.reaches[name], len(names) - k, SERIES[k % len(SERIES)]
+        data = Reach("data", its.data_m, its.data_stderr_m, its.data_formula_m)
+        for words, reach, most, at in (
+            ("data", data, last, y + 0.18), ("docking", its.docking, found.docking_to_m, y - 0.18),
+        ):  # fmt: skip
+            ends = _draw_bar(axes, reach, most, at, shade)
+            axes.annotate(
+                f"{words}: {_reach_words(reach, first, most)}",
+                (ends, at),
+                (5, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=8.5,
+            )
+    axes.set_xlim(0, 1.45 * last)
+    axes.set_yticks(range(len(names), 0, -1), names)
+    axes.grid(False, axis="y")
+    label(axes, "farthest distance (m)", "", "With scattered light; black: by exp(−cz)")
+
+
+def _draw_bar(axes: Axes, reach: Reach, most: float, y: float, shade: str) -> float:
+    """A bar, no farther than was asked, and a line where the formula ends; where the longer of both ends."""
+    end, begin, formula = (
+        0.0 if np.isnan(v) else min(v, most) for v in (reach.z_m, reach.from_m, reach.formula_m)
+    )
+    axes.barh(y, end - begin, left=begin, height=0.32, color=shade, alpha=0.45)
+    axes.plot([formula] * 2, [y - 0.16, y + 0.16], color=INK, linewidth=2)
+    return max(end, formula)
+
+
+def _reach_words(reach: Reach, first: float, most: float) -> str:
+    if np.isnan(reach.z_m):
+        return f"nowhere from {first:g} m on" if reach.is_told else UNTOLD
+    to = f"> {most:g} m" if np.isinf(reach.z_m) else f"{reach.z_m:.1f} m"
+    return f"{reach.from_m:.1f} m to {to}" if np.isfinite(reach.from_m) else to
 
 
 def arrival_figure(found: Link, narrow: bool = False) -> Figure:

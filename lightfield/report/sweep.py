@@ -58,9 +58,8 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     """
     along, hue = _two_axes(data)
     held, rest = _hold(data, {along, hue, *_map_dims(data)})
-    quantity = data.attrs["quantity"]
-    middle = held.sizes[_plane(held)] // 2
-    plane = _plane(held)
+    quantity, plane = data.attrs["quantity"], _plane(held)
+    middle, chosen = held.sizes[plane] // 2, evenly(held.sizes[hue], _MOST_LINES)
     panels = {
         f"on_axis_{quantity}": f"{capital(plain(quantity))} on the axis",
         "half_width_m": "Half width of the spot",
@@ -70,23 +69,12 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
     rows = 4 if narrow else 2
     with figure(*((NARROW, 11.6) if narrow else (WIDTH, 6.4))) as fig:
         for axis, name in zip(fig.subplots(rows, 4 // rows, sharex=True).ravel(), panels, strict=True):
-            chosen = evenly(held.sizes[hue], _MOST_LINES)
             for line, step in enumerate(chosen):
                 at = held.isel({hue: step} if hue == plane else {hue: step, plane: middle})
                 _line(axis, at, along, name, SERIES[line], _step_name(held, hue, step))
-            variable = held[name]
-            unit = SHORT_UNITS.get(variable.attrs.get("units", ""), variable.attrs.get("units", ""))
-            label(axis, "", unit if unit != "1" else "", panels[name])
-            if not any(np.isfinite(line.get_ydata()).any() for line in axis.lines):
-                say_why_empty(axis, _UNTOLD)
-                # Its scale of steps is that of the panels beside it.
-                axis.set_yticks([])
-                continue
-            if name.startswith("formula_error"):
-                axis.axhline(0, color=MUTED, linewidth=0.8)
-                percent_axis(axis.yaxis)
-            elif name != "half_width_m" and _spans_a_decade(axis):
-                axis.set_yscale("log")
+            units = held[name].attrs.get("units", "1")
+            label(axis, "", "" if units == "1" else SHORT_UNITS.get(units, units), panels[name])
+            _scale(axis, name)
         for axis in fig.axes[3:4] if narrow else fig.axes[2:4]:
             axis.set_xlabel(_axis_name(held, along))
             if _is_log(held[along].values):
@@ -101,6 +89,18 @@ def profiles_figure(data: xr.Dataset, narrow: bool = False) -> Figure:
         cut = [*_cut(held, hue, chosen), *_first_of(held)]
         _note(fig, [where, *rest, *cut, f"bands: {SIGMAS:g} standard errors"])
     return fig
+
+
+def _scale(axis: Axes, name: str) -> None:
+    """The upright axis of a profile: per cent, decades, or none where nothing is drawn."""
+    if not any(np.isfinite(line.get_ydata()).any() for line in axis.lines):
+        say_why_empty(axis, _UNTOLD)
+        axis.set_yticks([])  # its scale of steps is that of the panels beside it
+    elif name.startswith("formula_error"):
+        axis.axhline(0, color=MUTED, linewidth=0.8)
+        percent_axis(axis.yaxis)
+    elif name != "half_width_m" and _spans_a_decade(axis):
+        axis.set_yscale("log")
 
 
 def formula_figure(data: xr.Dataset, narrow: bool = False) -> Figure:

@@ -192,8 +192,7 @@ class Follower(Part):
     """Pose of the array's middle, and what the follower knows of the water and the lamp.
 
     Lamp at the origin, z along the tank's axis, x horizontal, y up. At rest the array looks along -z; yaw
-    turns
-    it towards +x, pitch lifts it, roll leans it to +x; in this order, about its own axes.
+    turns it towards +x, pitch lifts it, roll leans it to +x; in this order, about its own axes.
     """
 
     x_m: float = number(0.0, "m", "across, horizontally", _NOTHING, low=-1e4, high=1e4, neutral=0.0)

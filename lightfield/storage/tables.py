@@ -125,27 +125,20 @@ def _read(path: str, columns: tuple[str, ...], ordered: bool) -> tuple[Array, ..
         except (ValueError, IndexError):
             problems.append(Complaint("not numbers", ",".join(cells), lines=(number,)))
             continue
-        wrong = ""
         if not ordered:
             wrong = "" if all(abs(value) <= LARGEST for value in row) else "too large or not finite"
-        elif not all(math.isfinite(value) and value >= 0 for value in row):
-            wrong = "negative or not finite"
-        elif any(value > most for value, most in zip(row, largest, strict=True)):
-            wrong = "too large"
-        elif values and row[0] <= values[-1][0]:
-            wrong = f"{columns[0]} must rise above {values[-1][0]:g}"
+        else:
+            wrong = _wrong_in_order(row, largest, columns[0], values[-1][0] if values else -math.inf)
         if wrong:
             problems.append(Complaint(wrong, ",".join(cells), lines=(number,)))
         values.append(row)
     if not problems and len(values) < 1 + ordered:
         problems.append(Complaint("fewer than two rows" if ordered else "no row"))
     if problems:
-        per_m = f" ({_LARGEST_PER_M:g} per m)" if _LARGEST_PER_M in largest else ""
-        rule = (
-            f"numbers up to {LARGEST:g}"
-            if not ordered
-            else f"numbers from 0 to {LARGEST:g}{per_m}, first column rising"
-        )
+        rule = f"numbers up to {LARGEST:g}"
+        if ordered:
+            per_m = f" ({_LARGEST_PER_M:g} per m)" if _LARGEST_PER_M in largest else ""
+            rule = f"numbers from 0 to {LARGEST:g}{per_m}, first column rising"
         raise SceneError(
             f"{len(problems)} bad line(s) in a table", where=path, rule=rule, remedy="correct the table",
             problems=problems,
@@ -154,3 +147,12 @@ def _read(path: str, columns: tuple[str, ...], ordered: bool) -> tuple[Array, ..
     for column in result:
         column.setflags(write=False)
     return result
+
+
+def _wrong_in_order(row: Sequence[float], largest: Sequence[float], first: str, above: float) -> str:
+    """What is wrong with a row, whose first number has to lie above another; or nothing."""
+    if not all(math.isfinite(value) and value >= 0 for value in row):
+        return "negative or not finite"
+    if any(value > most for value, most in zip(row, largest, strict=True)):
+        return "too large"
+    return "" if row[0] > above else f"{first} must rise above {above:g}"

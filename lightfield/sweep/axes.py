@@ -364,14 +364,11 @@ def apply(scene: Scene, values: Mapping[str, Any], validate: bool = True) -> Sce
 
 def _made(scene: Scene, path: str, value: Any) -> Any:
     """What a table, or a list of tables, stands for in the scene, as a phase function; else the value."""
-    if not isinstance(value, dict) and not (isinstance(value, tuple) and any(map(_is_table, value))):
+    parts = value if isinstance(value, tuple) else (value,)
+    if not any(isinstance(part, dict) for part in parts):
         return value
     above, _, name = path.rpartition(".")
     try:
         return TypeAdapter(type(scene.get(above)).model_fields[name].annotation).validate_python(value)
     except (ValidationError, KeyError):
         return value  # its case says why it cannot be
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.formula.cells import along_a_side, axis_cells, cell_mean
 from lightfield.formula.closed_form import direct_field, light_of_point, points_of_window
 from lightfield.formula.own_formulas import factor, has_colours_of_its_own, lit
@@ -260,7 +260,7 @@ def _beside_straight(rest: Array, stderr: Array, grid: Grid, lamp: Lamp) -> tupl
     return found[0], found[1]
 
 
-def _on_axis(grid: Grid, lamp: Lamp) -> NDArray[np.bool_]:
+def _on_axis(grid: Grid, lamp: Lamp) -> Mask:
     """The cell, or the equally near cells, where the lamp's axis meets each plane; none of one it misses."""
     near, sides = np.zeros(grid.shape, bool), ((grid.x_m, grid.pitch_x_m), (grid.y_m, grid.pitch_y_m))
     for cells, *at in zip(near, *axis_at(lamp, grid.z_m), strict=True):
@@ -270,7 +270,7 @@ def _on_axis(grid: Grid, lamp: Lamp) -> NDArray[np.bool_]:
     return near
 
 
-def _mean_of(values: Array, cells: NDArray[np.bool_]) -> Array:
+def _mean_of(values: Array, cells: Mask) -> Array:
     """Mean over some cells of each plane, shape (..., n_planes); NaN where there are none."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.where(cells, values, 0.0).sum((-2, -1)) / cells.sum((-2, -1)))

@@ -16,7 +16,7 @@ from lightfield.errors import BackendError, LightfieldError, OutputError, Render
 from lightfield.storage.files import NO_ROOM
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cluster import check_workers, connected
-from lightfield.sweep.schema import SweepKind, attributes, coordinates, variables_of
+from lightfield.sweep.schema import LONGEST_MESSAGE, SweepKind, attributes, coordinates, variables_of
 from lightfield.sweep.store import SweepStore
 from lightfield.sweep.sweep_plan import Block, SweepPlan
 from lightfield.sweep.work import BlockDone, TraceDone, do_block, do_trace, map_target, topic_of
@@ -318,7 +318,7 @@ def _reason(error: BaseException) -> str:
     if name == "KilledWorker":
         return "the worker died every time it was tried; out of memory? The same sweep tries again"
     text = one_line(error)
-    return (text if isinstance(error, LightfieldError) else f"{name}: {text}")[:240]
+    return (text if isinstance(error, LightfieldError) else f"{name}: {text}")[:LONGEST_MESSAGE]
 
 
 @contextlib.contextmanager

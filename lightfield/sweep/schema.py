@@ -19,7 +19,9 @@ from lightfield.sweep.zarrfile import Variable
 from lightfield.version import __version__
 
 _STATUS = ("pending", "done", "failed")
-MESSAGE = "<U240"
+#: Letters of why a case failed that are kept. Chosen.
+LONGEST_MESSAGE = 240
+MESSAGE = f"<U{LONGEST_MESSAGE}"
 _AREA_UNITS = {"irradiance": "W nm-1", "scalar_irradiance": "W nm-1", "radiance": "W sr-1 nm-1"}
 
 

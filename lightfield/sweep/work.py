@@ -36,7 +36,7 @@ from lightfield.storage.tables import kept_by_tables
 from lightfield.sweep import zarrfile
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.derived import FormulaAtPlaces, GridFormula, at_places, derive, straight_widths_m
-from lightfield.sweep.schema import derived_variables, quantity_of
+from lightfield.sweep.schema import LONGEST_MESSAGE, derived_variables, quantity_of
 from lightfield.sweep.sharing import Trace
 from lightfield.sweep.store import trace_file
 from lightfield.sweep.sweep_plan import Block, SweepPlan, SweepSettings
@@ -197,7 +197,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: M
                 try:
                     formula, places = _formula(scene, grid)
                 except LightfieldError as error:
-                    failed[int(block.cases[i])] = one_line(error)[:240]
+                    failed[int(block.cases[i])] = one_line(error)[:LONGEST_MESSAGE]
                     continue
                 found = derive(mean, stderr, formula, grid, scene.lamp, response.merged, places)
                 if target.quantity in results:
@@ -262,7 +262,7 @@ def evaluated(
                 else:
                     means, errors = _evaluate(response, [scene for _, scene in part])
             except LightfieldError as error:
-                failed |= {int(block.cases[i]): one_line(error)[:240] for i, _ in part}
+                failed |= {int(block.cases[i]): one_line(error)[:LONGEST_MESSAGE] for i, _ in part}
                 continue
             for (i, scene), mean, stderr in zip(part, means, errors, strict=True):
                 if not np.isfinite(mean).all() or np.isnan(stderr).any():
@@ -314,7 +314,7 @@ def _scenes(cases: Cases, block: Block, places: list[int], failed: dict[int, str
             refuse_unlit(scene)
             scenes.append((i, scene))
         except (LightfieldError, ValueError, TypeError) as error:
-            failed[int(block.cases[i])] = one_line(error)[:240]
+            failed[int(block.cases[i])] = one_line(error)[:LONGEST_MESSAGE]
     return scenes
 
 

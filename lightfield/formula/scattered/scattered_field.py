@@ -12,10 +12,9 @@ from functools import lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from lightfield.arrays import TINY, Array
+from lightfield.arrays import TINY, Array, Mask
 from lightfield.formula.scattered.multiple import Spread, closure, largest_kz, multiple
 from lightfield.formula.scattered.quadrature import (
     EmissionTable,
@@ -215,7 +214,7 @@ class ScatteredField:
         self._tables = tables or _Tables(self.x_m, self.y_m, self.z_m)
         self._seen = lru_cache(_STEPS)(self._seen_from)
 
-    def some(self, rows: NDArray[np.bool_]) -> ScatteredField:
+    def some(self, rows: Mask) -> ScatteredField:
         """At some of the places, from the same nodes."""
         return ScatteredField(self.x_m[rows], self.y_m[rows], self.z_m[rows], self._tables)
 

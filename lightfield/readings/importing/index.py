@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from os.path import normpath
@@ -75,35 +76,14 @@ def read_index(path: str | PathLike[str], problems: Problems) -> tuple[list[Inde
     unknown = [name for name in sheet.names if name not in COLUMNS]
     if "file" not in place:
         return [], ()
-    for name in (n for n in COLUMNS if n not in place and n != "file"):
-        other = look_alike(name, unknown)
-        if other:
-            unit = UNITS.get(name.rsplit("_", 1)[-1])
-            problems.add(
-                f"the column {other} is not known",
-                place=sheet.name_line,
-                rule=", ".join(COLUMNS),
-                remedy=f"name it {name}" + (f", and give {unit}" if unit else ""),
-            )
+    _refuse_look_alikes(unknown, [n for n in COLUMNS if n not in place], sheet.name_line, problems)
     entries, used = [], dict[tuple[str, str], int]()
     for line, cells in sheet.rows:
         row = dict.fromkeys(COLUMNS, "") | {name: cells[c].strip() for name, c in place.items()}
+        row["role"], row["medium"] = row["role"].lower() or "signal", row["medium"].lower() or "water"
         before = len(problems.found)
         values = {name: _number(name, row[name], sheet.mark, line, problems) for name in _NUMBERS}
-        role, medium = row["role"].lower() or "signal", row["medium"].lower() or "water"
-        if role not in ROLES:
-            problems.add(
-                "unknown role", place=line, found=role, rule=", ".join(ROLES),
-                remedy="write signal for the light of the lamp, dark where it was covered",
-            )  # fmt: skip
-        if medium not in MEDIA:
-            problems.add(
-                "unknown medium",
-                place=line,
-                found=medium,
-                rule=" or ".join(MEDIA),
-                remedy="write one of them",
-            )
+        _check_line(line, row, values, problems)
         if not row["file"]:
             problems.add("no file is named", place=line, remedy="name the spectrum's file")
         elif (same := (normpath(row["file"]), row["spectrum"])) in used:
@@ -115,25 +95,55 @@ def read_index(path: str | PathLike[str], problems: Problems) -> tuple[list[Inde
                 remedy="leave out one of the lines",
             )
         used.setdefault((normpath(row["file"]), row["spectrum"]), line)
-        if role not in ("dark", "ignore"):
-            z_m = values["z_m"]
-            if z_m != z_m and row["z_m"] == "":
-                problems.add("z_m is missing", place=line, rule=f"required for the role {role}")
-            elif z_m <= 0:
-                problems.add("z_m is an impossible position", place=line, found=z_m, rule="z_m > 0")
-        if values["integration_time_s"] <= 0:
-            problems.add("integration_time_s is not positive", place=line, found=values["integration_time_s"])
         if len(problems.found) == before:
             values |= {name: 0.0 for name in ("x_m", "y_m") if row[name] == ""}
-            path = Path(where).parent / row["file"]
             entries.append(
-                IndexLine(line, row["file"], path, medium, role, **values, spectrum=row["spectrum"], number=0)
-            )
+                IndexLine(
+                    line, row["file"], Path(where).parent / row["file"], row["medium"], row["role"], **values,
+                    spectrum=row["spectrum"], number=0,
+                )
+            )  # fmt: skip
     if not any(entry.role in ("signal", "reference") for entry in entries) and not problems:
         problems.add(
             "no spectrum has the role signal or reference", remedy="add the lines of the measurement"
         )
     return entries, tuple(filter(None, unknown))
+
+
+def _refuse_look_alikes(
+    unknown: Sequence[str], missing: Sequence[str], line: int, problems: Problems
+) -> None:
+    """Columns that seem to mean one that is missing."""
+    for name in missing:
+        other = look_alike(name, unknown)
+        if other:
+            unit = UNITS.get(name.rsplit("_", 1)[-1])
+            problems.add(
+                f"the column {other} is not known",
+                place=line,
+                rule=", ".join(COLUMNS),
+                remedy=f"name it {name}" + (f", and give {unit}" if unit else ""),
+            )
+
+
+def _check_line(line: int, row: Mapping[str, str], values: Mapping[str, float], problems: Problems) -> None:
+    role, medium, z_m, seconds = row["role"], row["medium"], values["z_m"], values["integration_time_s"]
+    if role not in ROLES:
+        problems.add(
+            "unknown role", place=line, found=role, rule=", ".join(ROLES),
+            remedy="write signal for the light of the lamp, dark where it was covered",
+        )  # fmt: skip
+    if medium not in MEDIA:
+        problems.add(
+            "unknown medium", place=line, found=medium, rule=" or ".join(MEDIA), remedy="write one of them"
+        )
+    if role not in ("dark", "ignore"):
+        if row["z_m"] == "":
+            problems.add("z_m is missing", place=line, rule=f"required for the role {role}")
+        elif z_m <= 0:
+            problems.add("z_m is an impossible position", place=line, found=z_m, rule="z_m > 0")
+    if seconds <= 0:
+        problems.add("integration_time_s is not positive", place=line, found=seconds)
 
 
 def _number(name: str, cell: str, mark: str, line: int, problems: Problems) -> float:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lightfield.arrays import Array
 from lightfield.errors import MeasurementError
 from lightfield.readings.columns import MEDIA
 from lightfield.readings.importing.index import ROLES, IndexLine
@@ -67,51 +68,20 @@ def read_places(
     problems.raise_any(UNUSABLE)
     units = {m: _unit(table, m, at[m], problems) for m in _PLACES if m in at}
     numbers = {m: table.column(at[m], problems) * _factors(m).get(unit, 1.0) for m, unit in units.items()}
-    if "stderr" in at and "value" not in at:
-        problems.add(
-            "errors of no value",
-            found="stderr",
-            rule="one value and its stderr",
-            remedy="say which column is the value",
-        )
-    errors = table.column(at["stderr"], problems) if "stderr" in at else np.full(len(table.cells), np.nan)
-    if "stderr" in at and "value" in at and table.units[at["stderr"]] == "%":
-        errors = 0.01 * errors * np.abs(table.column(at["value"], problems))
-    if "value" in at:
-        spectra = _one_band(where, table, at["value"], bands_nm, problems)
+    value = table.column(at["value"], problems) if "value" in at else None
+    errors = _errors(table, at, value, problems)
+    if value is not None:
+        unit = of_column(table.names[at["value"]], table.units[at["value"]])
+        spectra = _one_band(where, value, unit, bands_nm, problems)
         ignored = plain.unused(table, at.values())
     else:
         spectra = _spectra(where, table, problems)
         spectral = (k for places, _ in table.across().values() for k in places)
         ignored = plain.unused(table, [*at.values(), *spectral])
     shots = []
-    for k, line in enumerate(table.lines):
-        row = {m: table.cells[k][at[m]] for m in ("medium", "role") if m in at}
-        given = {m: float(values[k]) for m, values in numbers.items()}
-        entry = IndexLine(
-            line=line,
-            file=f"row {k + 1}",
-            path=Path(where),
-            medium=row.get("medium", "").lower() or "water",
-            role=row.get("role", "").lower() or "signal",
-            x_m=given.get("x_m", 0.0),
-            y_m=given.get("y_m", 0.0),
-            z_m=given["z_m"],
-            time_s=given.get("time_s", float("nan")),
-            integration_time_s=given.get("integration_time_s", float("nan")),
-        )
-        if entry.medium not in MEDIA:
-            problems.add("unknown medium", place=line, found=entry.medium, rule=" or ".join(MEDIA))
-        if entry.role not in ROLES:
-            problems.add("unknown role", place=line, found=entry.role, rule=", ".join(ROLES))
-        if entry.role in ("signal", "reference"):
-            for m in _NEEDED:
-                if m in at and table.is_blank(k, at[m]):
-                    problems.add(
-                        f"{table.called(at[m])} is missing", place=line, rule=f"{m} of every reading"
-                    )
-            if entry.z_m <= 0:
-                problems.add("z_m is an impossible position", place=line, found=entry.z_m, rule="z_m > 0")
+    for k in range(len(table.cells)):
+        entry = _entry(where, table, k, at, {m: float(values[k]) for m, values in numbers.items()})
+        _check(entry, table, k, at, problems)
         if entry.role != "ignore" and k < len(spectra):
             spectrum = replace(spectra[k], ignored=ignored)
             shots.append(Shot(entry, spectrum, entry.integration_time_s, entry.time_s, float(errors[k])))
@@ -123,6 +93,54 @@ def read_places(
         if unit not in _factors(m)
     ]
     return shots, taken
+
+
+def _errors(table: NumberBlock, at: Mapping[str, int], value: Array | None, problems: Problems) -> Array:
+    """Standard errors of the values, in their unit; NaN where none are stated."""
+    if "stderr" not in at:
+        return np.full(len(table.cells), np.nan)
+    if value is None:
+        problems.add(
+            "errors of no value",
+            found="stderr",
+            rule="one value and its stderr",
+            remedy="say which column is the value",
+        )
+    errors = table.column(at["stderr"], problems)
+    return errors if value is None or table.units[at["stderr"]] != "%" else 0.01 * errors * np.abs(value)
+
+
+def _entry(
+    where: str, table: NumberBlock, row: int, at: Mapping[str, int], given: Mapping[str, float]
+) -> IndexLine:
+    """What an index would say of a row, whose numbers are given."""
+    words = {m: table.cells[row][at[m]].lower() for m in ("medium", "role") if m in at}
+    return IndexLine(
+        line=table.lines[row],
+        file=f"row {row + 1}",
+        path=Path(where),
+        medium=words.get("medium") or "water",
+        role=words.get("role") or "signal",
+        x_m=given.get("x_m", 0.0),
+        y_m=given.get("y_m", 0.0),
+        z_m=given["z_m"],
+        time_s=given.get("time_s", float("nan")),
+        integration_time_s=given.get("integration_time_s", float("nan")),
+    )
+
+
+def _check(entry: IndexLine, table: NumberBlock, row: int, at: Mapping[str, int], problems: Problems) -> None:
+    if entry.medium not in MEDIA:
+        problems.add("unknown medium", place=entry.line, found=entry.medium, rule=" or ".join(MEDIA))
+    if entry.role not in ROLES:
+        problems.add("unknown role", place=entry.line, found=entry.role, rule=", ".join(ROLES))
+    if entry.role not in ("signal", "reference"):
+        return
+    for m in _NEEDED:
+        if m in at and table.is_blank(row, at[m]):
+            problems.add(f"{table.called(at[m])} is missing", place=entry.line, rule=f"{m} of every reading")
+    if entry.z_m <= 0:
+        problems.add("z_m is an impossible position", place=entry.line, found=entry.z_m, rule="z_m > 0")
 
 
 def _factors(meaning: str) -> Mapping[str, float]:
@@ -141,8 +159,9 @@ def _unit(table: NumberBlock, meaning: str, index: int, problems: Problems) -> s
 
 
 def _one_band(
-    where: str, table: NumberBlock, index: int, bands_nm: Sequence[tuple[float, float]], problems: Problems
+    where: str, value: Array, unit: str, bands_nm: Sequence[tuple[float, float]], problems: Problems
 ) -> list[Spectrum]:
+    """The value of each row as a spectrum that is the same all over the only band."""
     if len(bands_nm) != 1:
         problems.add(
             "one value for several bands",
@@ -150,18 +169,17 @@ def _one_band(
             rule="one band for a column of values",
         )
     low, high = bands_nm[0]
-    unit = of_column(table.names[index], table.units[index])
     return [
         Spectrum(
             source=where,
             format=NAME,
             wavelength_nm=np.array([low, high]),
-            columns={"value": np.full(2, value)},
+            columns={"value": np.full(2, each)},
             header={"title": NAME},
             processed_unit=unit,
             band_nm=(low, high),
         )
-        for value in table.column(index, problems)
+        for each in value
     ]
 
 

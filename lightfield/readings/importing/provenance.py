@@ -74,17 +74,8 @@ def doubts_of_files(
     sequence: Sequence[Shot], darks: Sequence[Shot], unit: str, flat: Mapping[str, float]
 ) -> list[LoadWarning]:
     """What is doubtful about the files."""
-    found = []
     shots = [*sequence, *darks]
-    if unit == "counts":
-        without = [s for s in sequence if not reduction.has_dark(s.spectrum)]
-        held = [s for s in without if labels.flag(s.spectrum.header, "dark_held")]
-        bare = tuple(s.entry.called for s in without if not darks and s not in held)
-        if bare:
-            found.append(LoadWarning(Remarks.NO_DARK, {"files": bare}))
-        if held:
-            found.append(LoadWarning(Remarks.DARK_IN_PROGRAM))
-        found += _lit_darks(sequence, darks)
+    found = _of_darks(sequence, darks) if unit == "counts" else []
     if flat:
         levels = tuple(sorted(set(flat.values())))
         found.append(LoadWarning(Remarks.FLAT_TOP, {"levels": levels, "files": tuple(sorted(flat))}))
@@ -93,24 +84,9 @@ def doubts_of_files(
     linear = one_word(arrays)
     if arrays and linear != "yes":
         found.append(LoadWarning(Remarks.NONLINEARITY, {"corrected": linear}))
-    for what, values in {
-        "spectrometer": {s.spectrum.spectrometer or "unknown" for s in shots},
-        "smoothing": {f"boxcar {s.spectrum.boxcar}" for s in shots},
-        # The scatter of repeats tells one noise of all: a dark may be a mean of more.
-        "averaging": {f"{n} spectra" for s in sequence if (n := s.spectrum.spectra_averaged) is not None},
-        "electric dark correction": {one_word([s.spectrum.electric_dark_corrected]) for s in shots},
-    }.items():
-        if len(values) > 1:
-            differ: dict[str, Remarked] = {"setting": what, "found": tuple(sorted(values))}
-            found.append(LoadWarning(Remarks.MIXED_SETTINGS, differ))
-    exposures = np.array([s.exposure_s for s in sequence])
-    if unit != "counts" and not np.isfinite(exposures).all():
-        found.append(LoadWarning(Remarks.NO_EXPOSURE))
-    # Such files may hold counts or anything else; those of the other formats say which column is calibrated.
-    plain = unit != "counts" and all("value" in s.spectrum.columns for s in sequence)
-    if plain and len(exposures) and np.ptp(exposures) > reduction.SAME_EXPOSURE * exposures.min():
-        ends = {"shortest_s": float(exposures.min()), "longest_s": float(exposures.max())}
-        found.append(LoadWarning(Remarks.UNDIVIDED, ends))
+    found += _mixed_settings(sequence, shots)
+    if unit != "counts":
+        found += _of_exposures(sequence)
     ignored = tuple(dict.fromkeys(name for s in shots for name in s.spectrum.ignored))
     if ignored:
         found.append(LoadWarning(Remarks.IGNORED_COLUMNS, {"columns": ignored}))
@@ -123,6 +99,45 @@ def doubts_of_files(
         LoadWarning(Remarks.ODD_FILE, {"oddity": note.odd.value, "note": str(note), "files": tuple(files)})
         for note, files in odd.items()
     ]
+    return found
+
+
+def _of_darks(sequence: Sequence[Shot], darks: Sequence[Shot]) -> list[LoadWarning]:
+    """Counts without a dark signal, or with one that a program took off, or that saw the lamp."""
+    without = [s for s in sequence if not reduction.has_dark(s.spectrum)]
+    held = [s for s in without if labels.flag(s.spectrum.header, "dark_held")]
+    bare = tuple(s.entry.called for s in without if not darks and s not in held)
+    found = [LoadWarning(Remarks.NO_DARK, {"files": bare})] if bare else []
+    if held:
+        found.append(LoadWarning(Remarks.DARK_IN_PROGRAM))
+    return found + _lit_darks(sequence, darks)
+
+
+def _mixed_settings(sequence: Sequence[Shot], shots: Sequence[Shot]) -> list[LoadWarning]:
+    """Settings of the instrument that are not the same in all files."""
+    settings = {
+        "spectrometer": {s.spectrum.spectrometer or "unknown" for s in shots},
+        "smoothing": {f"boxcar {s.spectrum.boxcar}" for s in shots},
+        # The scatter of repeats tells one noise of all: a dark may be a mean of more.
+        "averaging": {f"{n} spectra" for s in sequence if (n := s.spectrum.spectra_averaged) is not None},
+        "electric dark correction": {one_word([s.spectrum.electric_dark_corrected]) for s in shots},
+    }
+    return [
+        LoadWarning(Remarks.MIXED_SETTINGS, {"setting": what, "found": tuple(sorted(values))})
+        for what, values in settings.items()
+        if len(values) > 1
+    ]
+
+
+def _of_exposures(sequence: Sequence[Shot]) -> list[LoadWarning]:
+    """Exposures that are not known, or may not have been divided by."""
+    exposures = np.array([s.exposure_s for s in sequence])
+    found = [] if np.isfinite(exposures).all() else [LoadWarning(Remarks.NO_EXPOSURE)]
+    # Such files may hold counts or anything else; those of the other formats say which column is calibrated.
+    plain = all("value" in s.spectrum.columns for s in sequence)
+    if plain and len(exposures) and np.ptp(exposures) > reduction.SAME_EXPOSURE * exposures.min():
+        ends = {"shortest_s": float(exposures.min()), "longest_s": float(exposures.max())}
+        found.append(LoadWarning(Remarks.UNDIVIDED, ends))
     return found
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.readings.instruments.spectrum import Spectrum
 
 _SHORTEST_RUN = 4  # equal pixels in a row; three can be chance at the top of a peak printed to whole counts
@@ -18,9 +17,7 @@ _LEAST_STEPS = (
 )
 
 
-def saturated_pixels(
-    spectrum: Spectrum, level: float | None = None
-) -> tuple[NDArray[np.bool_], float | None]:
+def saturated_pixels(spectrum: Spectrum, level: float | None = None) -> tuple[Mask, float | None]:
     """Where the detector was at its end.
 
     Parameters

@@ -8,9 +8,11 @@ immersion coefficient in water (Satlantic, Instrument File Format, SAT-DN-00134)
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +31,7 @@ _HEADER = re.compile(rb"SAT[A-Z]{3}\d{4}")
 _FIELD = re.compile(r"(\S+)\s+(\S+|'')\s+'([^']*)'\s+(\w+)\s+(\w+)\s+(\d+)\s+(\w+)")
 #: SatView appends three bytes of day (yyyyddd) and four of time (hhmmssmmm) to each frame.
 _STAMP = 7
+_UNUSABLE = "not a usable Satlantic calibration"
 
 
 @dataclass(frozen=True)
@@ -91,58 +94,76 @@ def read_calibration(path: Path) -> Calibration | None:
     MeasurementError
         It is one, and wrong; the message says in which line.
     """
-    content = text.read_text(path, CALIBRATION)
+    content, problems = text.read_text(path, CALIBRATION), Problems(str(path))
     lines = [(k, line.strip()) for k, line in enumerate(content.lines, 1)]
-    lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
-    problems = Problems(str(path))
-    at, place, name, serial, unit = 0, 0, "", "", ""
-    exposure: tuple[int, int, float] | None = None
-    checked: int | None = None
-    pixels: list[int] = []
-    table: list[list[float]] = []
+    fields = _fields([(k, line) for k, line in lines if line and not line.startswith("#")], problems)
+    if fields is None:
+        return None
+    named = {field.kind: field for field in fields}
+    head, serial, exposure = (named.get(kind) for kind in ("INSTRUMENT", "SN", "INTTIME"))
+    pixels = [field for field in fields if field.fit == "OPTIC3"]
+    for field in pixels:
+        if not field.has("BU", 4) or field.width != 2:
+            problems.add(
+                "not a pixel of two bytes with four coefficients", place=field.line, found=field.words
+            )
+    if head is None or serial is None or exposure is None or not head.tag.startswith("SAT"):
+        return None
+    if not pixels or not exposure.has("BU", 2):
+        return None
+    wavelengths = [_numbers(field.line, field.tag, problems) for field in pixels]
+    problems.raise_any(_UNUSABLE)
+    table = np.array([[*nm, *field.numbers[0]] for nm, field in zip(wavelengths, pixels, strict=True)])
+    check_axis(table[:, 0], (), problems)
+    problems.raise_any(_UNUSABLE)
+    return Calibration(
+        header=f"{head.tag}{serial.tag}".encode(),
+        length=fields[-1].place + fields[-1].width,
+        exposure_at=(exposure.place, exposure.width),
+        exposure_per_count=exposure.numbers[0][1],
+        checked_at=named["CHECK"].place if "CHECK" in named else None,
+        pixels_at=np.array([field.place for field in pixels]),
+        wavelength_nm=table[:, 0],
+        coefficients=table[:, 1:],
+        unit=pixels[-1].unit,
+    )
+
+
+class _FrameField(NamedTuple):
+    """A field of a frame: its line in the calibration, its first byte and how many, and its coefficients."""
+
+    line: int
+    words: str
+    kind: str
+    tag: str
+    unit: str
+    place: int
+    width: int
+    form: str
+    fit: str
+    numbers: list[list[float]]
+
+    def has(self, form: str, coefficients: int) -> bool:
+        """Is it written in this form, with so many coefficients in its first line?"""
+        return self.form == form and bool(self.numbers) and len(self.numbers[0]) == coefficients
+
+
+def _fields(lines: Sequence[tuple[int, str]], problems: Problems) -> list[_FrameField] | None:
+    """The fields that a calibration lists; None where frames vary in length, or it is none of this kind."""
+    found: list[_FrameField] = []
+    at = place = 0
     while at < len(lines):
         line, words = lines[at]
         match = _FIELD.fullmatch(words)
         if match is None or not match[4].isdecimal():
-            return None  # frames of varying length, or no calibration of this kind
-        kind, tag, said, size, form, coefficients, fit = match.groups()
-        numbers = [_numbers(k, cells, problems) for k, cells in lines[at + 1 : at + 1 + int(coefficients)]]
-        width = int(size)
-        if kind == "INSTRUMENT":
-            name = tag
-        elif kind == "SN":
-            serial = tag
-        elif kind == "INTTIME" and numbers and len(numbers[0]) == 2 and form == "BU":
-            exposure = place, width, numbers[0][1]
-        elif kind == "CHECK":
-            checked = place
-        elif fit == "OPTIC3":
-            if form != "BU" or width != 2 or not numbers or len(numbers[0]) != 4:
-                problems.add("not a pixel of two bytes with four coefficients", place=line, found=words)
-            else:
-                pixels.append(place)
-                table.append([*_numbers(line, tag, problems), *numbers[0]])
-                unit = said
-        place += width
+            return None
+        kind, tag, unit, width, form, coefficients, fit = match.groups()
+        below = lines[at + 1 : at + 1 + int(coefficients)]
+        numbers = [_numbers(k, cells, problems) for k, cells in below]
+        found.append(_FrameField(line, words, kind, tag, unit, place, int(width), form, fit, numbers))
+        place += int(width)
         at += 1 + int(coefficients)
-    if not (name.startswith("SAT") and serial and pixels and exposure) and not problems:
-        return None
-    ordered = np.array(table) if table and not problems else np.empty((0, 5))
-    if not problems:
-        check_axis(ordered[:, 0], (), problems)
-    problems.raise_any("not a usable Satlantic calibration")
-    assert exposure is not None
-    return Calibration(
-        header=f"{name}{serial}".encode(),
-        length=place,
-        exposure_at=exposure[:2],
-        exposure_per_count=exposure[2],
-        checked_at=checked,
-        pixels_at=np.array(pixels),
-        wavelength_nm=ordered[:, 0],
-        coefficients=ordered[:, 1:],
-        unit=unit,
-    )
+    return found
 
 
 def _numbers(line: int, words: str, problems: Problems) -> list[float]:

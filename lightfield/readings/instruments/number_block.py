@@ -127,20 +127,36 @@ def find_table(lines: Sequence[str], problems: Problems) -> NumberBlock | None:
 
     Rows behind it that do not fit, and are followed by such that do, go to `problems`.
     """
-    numbered = [(k, line.strip()) for k, line in enumerate(lines, 1) if line.strip()]
+    numbered = [(k, line.lstrip()) for k, line in enumerate(lines, 1) if line.strip()]
     for separator in _SEPARATORS:
         if separator and not any(separator in line for _, line in numbered):
             continue
-        rows = [(k, _cells(line, separator)) for k, line in numbered]
+        rows = _split(numbered, separator)
         first = _first(rows)
         if first is not None:
-            return _table(rows, first, [line for _, line in numbered], separator, problems)
+            return _table(rows, first, [line.rstrip() for _, line in numbered], separator, problems)
     return None
 
 
+def _split(numbered: Sequence[tuple[int, str]], separator: str | None) -> list[tuple[int, list[str]]]:
+    """Cells of every line. Blanks behind the last separator are none, unless the last column has some."""
+    whole = [(k, _cells(line, separator)) for k, line in numbered]
+    shorter = [(k, _without_end(cells, separator)) for k, cells in whole]
+    if shorter == whole:
+        return whole
+    widths, fewer = ({len(cells) for _, cells in rows if _is_row(cells)} for rows in (whole, shorter))
+    return whole if len(widths) == 1 < len(fewer) else shorter
+
+
+def _without_end(cells: list[str], separator: str | None) -> list[str]:
+    """Without a blank at the end; without all of them where tabulators are no more than white space."""
+    if separator == "\t":
+        return cells[: max((k for k, cell in enumerate(cells, 1) if cell), default=0)]
+    return cells[:-1] if len(cells) > 2 and not cells[-1] else cells
+
+
 def _cells(line: str, separator: str | None) -> list[str]:
-    cells = [_NM.sub(r"\1", cell.strip().strip('"').strip()) for cell in line.split(separator)]
-    return cells[:-1] if separator and len(cells) > 2 and not cells[-1] else cells
+    return [_NM.sub(r"\1", cell.strip().strip('"').strip()) for cell in line.split(separator)]
 
 
 def _is_row(cells: Sequence[str]) -> bool:

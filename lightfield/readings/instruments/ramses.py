@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,14 +28,14 @@ def read(document: Document) -> list[Spectrum]:
     """The calibrated spectra of an export, in its order; those of one device have its name as their label."""
     problems = Problems(document.where)
     spectra, raw = [], 0
-    for attributes, rows, whole in _blocks(document):
-        if attributes.get("IDDataTypeSub1", "CALIBRATED").upper() != "CALIBRATED":
+    for block in _blocks(document):
+        if block.attributes.get("IDDataTypeSub1", "CALIBRATED").upper() != "CALIBRATED":
             raw += 1
             continue
-        if not whole:
+        if not block.ended:
             problems.add("a spectrum has no end", rule="[END] of [Spectrum]", remedy=_REMEDY)
             continue
-        found = _spectrum(document, attributes, rows, problems)
+        found = _spectrum(document, block, problems)
         spectra += [found] if found is not None else []
     if not spectra and not problems:
         problems.add(
@@ -47,39 +48,40 @@ def read(document: Document) -> list[Spectrum]:
     return spectra
 
 
-def _blocks(document: Document) -> list[tuple[dict[str, str], list[tuple[int, str]], bool]]:
-    """Attributes and lines of data of each spectrum, and whether it has its end."""
-    out: list[tuple[dict[str, str], list[tuple[int, str]], bool]] = []
-    attributes: dict[str, str] = {}
-    rows: list[tuple[int, str]] = []
-    inside, data = False, False
+@dataclass
+class _Exported:
+    """Attributes and numbered lines of data of a spectrum, and whether its end was met."""
+
+    attributes: dict[str, str] = field(default_factory=dict)
+    rows: list[tuple[int, str]] = field(default_factory=list)
+    ended: bool = False
+
+
+def _blocks(document: Document) -> list[_Exported]:
+    blocks: list[_Exported] = []
+    data = False
     for k, line in enumerate(document.lines, 1):
         word = line.strip().lower()
         if word == "[spectrum]":
-            if inside:
-                out.append((attributes, rows, False))
-            attributes, rows, inside, data = {}, [], True, False
-        elif word == "[end] of [spectrum]":
-            if inside:
-                out.append((attributes, rows, True))
-            inside = False
+            blocks.append(_Exported())
+            data = False
         elif word in ("[data]", "[end] of [data]"):
             data = word == "[data]"
-        elif inside and data and word:
-            rows.append((k, line))
-        elif inside and "=" in line:
+        elif not blocks or blocks[-1].ended:
+            continue
+        elif word == "[end] of [spectrum]":
+            blocks[-1].ended = True
+        elif data and word:
+            blocks[-1].rows.append((k, line))
+        elif "=" in line:
             label, _, value = line.partition("=")
-            attributes[label.strip()] = value.strip()
-    if inside:
-        out.append((attributes, rows, False))
-    return out
+            blocks[-1].attributes[label.strip()] = value.strip()
+    return blocks
 
 
-def _spectrum(
-    document: Document, attributes: dict[str, str], rows: list[tuple[int, str]], problems: Problems
-) -> Spectrum | None:
-    lines, pairs = [], []
-    for k, line in rows:
+def _spectrum(document: Document, block: _Exported, problems: Problems) -> Spectrum | None:
+    attributes, lines, pairs = block.attributes, [], []
+    for k, line in block.rows:
         cells = line.split()
         if cells and re.fullmatch(r"0([.,]0*)?", cells[0]):
             continue  # the first line counts the exposure and nothing else
@@ -95,7 +97,7 @@ def _spectrum(
             )
             return None
     if len(pairs) < 2:
-        problems.add("a spectrum has no data", place=rows[0][0] if rows else None, remedy=_REMEDY)
+        problems.add("a spectrum has no data", place=block.rows[0][0] if block.rows else None, remedy=_REMEDY)
         return None
     table = np.array(pairs)
     before = len(problems.found)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.render.diffuse.dense_water import CLEAR_TO_PER_M
 from lightfield.render.diffuse.shift import Shift
 from lightfield.render.diffuse.trace_errors import ClassLight, relative_modes
@@ -197,7 +197,7 @@ class DiffuseResponse:
         assert np.array_equal(other.straight_m, self.straight_m)
         return replace(self, denser=other.clear)
 
-    def some(self, rows: NDArray[np.bool_]) -> DiffuseResponse:
+    def some(self, rows: Mask) -> DiffuseResponse:
         """At some of the readings, from the same traces."""
         reflected = self.reflected and self.reflected.some(rows)
         return replace(self, shift=self.shift.some(rows), reflected=reflected)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.formula.scattered.scattered_field import ScatteredField, describes
 from lightfield.render.diffuse.diffuse_response import REFLECTED, SCATTERED, DiffuseResponse
 from lightfield.render.diffuse.ratio import TRUNCATION, Ratio
@@ -102,7 +102,7 @@ class FollowedLight:
             np.hypot(smooth, TRUNCATION * scattered * self.ratio[mine]),
         )
 
-    def some(self, rows: NDArray[np.bool_]) -> FollowedLight:
+    def some(self, rows: Mask) -> FollowedLight:
         """At some of the readings, from the same traces."""
         return replace(
             self, field=self.field.some(rows), response=self.response.some(rows), ratio=self.ratio[:, rows],

@@ -15,10 +15,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebpts1
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.errors import RenderError
 from lightfield.render.diffuse.diffuse_response import REFLECTED, DiffuseResponse
 from lightfield.render.diffuse.shift import ShiftParts
@@ -56,7 +57,7 @@ class LightClass:
 
     counts: NDArray[np.int_]
     excess_m: Array
-    open_ended: NDArray[np.bool_]
+    open_ended: Mask
     mean: Array
     wanted: Array | None
 
@@ -127,27 +128,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
     RenderError
         The scene has light that more than water and walls decide, or its water was traced twice.
     """
-    water = scene.water
-    changes = not switched_off(water, Acts.AGEING | Acts.HARDENING)
-    if changes or scene.lamp.apparent_distance_m or response.denser is not None:
-        raise RenderError(
-            "this light is not to be had as plain arrays",
-            found="water that changes in time or within the band, an apparent source, or two traces",
-            rule="one trace, in steady water, from a lamp at the window",
-        )
-    tank = scene.tank
-    if tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and scene.reflects:
-        raise RenderError(
-            "this light is not to be had as plain arrays",
-            found="a floor or a far end of another albedo than the walls",
-            rule="walls, floor and ends of one albedo",
-        )
-    if tank is not None and tank.panes != "none":
-        raise RenderError(
-            "this light is not to be had as plain arrays",
-            found="panes of glass",
-            rule="walls that mirror nothing",
-        )
+    _refuse_more(response, scene)
     lights, classes = _lights(response.clear, scene), []
     for light, kinds in lights:
         if not any(kind in light.kinds for kind in kinds):
@@ -167,7 +148,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
     light = lights[-1][0]
     reference = light.reference
     shift = response.shift
-    depth = layers_depth(water, shift.cell_z_m, response.straight_m, 0.5 * shift.cell_y_m)
+    depth = layers_depth(scene.water, shift.cell_z_m, response.straight_m, 0.5 * shift.cell_y_m)
     return Portable(
         reference.absorption_per_m,
         reference.scattering_per_m,
@@ -182,6 +163,28 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
         shift.parts,
         _reflections(response, scene, most_per_m, most_albedo),
     )
+
+
+def _refuse_more(response: DiffuseResponse, scene: Scene) -> None:
+    """Refuse what the arrays do not hold."""
+    tank = scene.tank
+    changes = not switched_off(scene.water, Acts.AGEING | Acts.HARDENING)
+    shares = tank is not None and (tank.floor_share, tank.end_share) != (1, 1) and scene.reflects
+    for refused, found, rule in (
+        (
+            changes or scene.lamp.apparent_distance_m or response.denser is not None,
+            "water that changes in time or within the band, an apparent source, or two traces",
+            "one trace, in steady water, from a lamp at the window",
+        ),
+        (
+            shares,
+            "a floor or a far end of another albedo than the walls",
+            "walls, floor and ends of one albedo",
+        ),
+        (tank is not None and tank.panes != "none", "panes of glass", "walls that mirror nothing"),
+    ):
+        if refused:
+            raise RenderError("this light is not to be had as plain arrays", found=found, rule=rule)
 
 
 def _lights(water: TracedWater, scene: Scene) -> list[tuple[TracedLight, range]]:
@@ -212,7 +215,7 @@ def _reflections(
     seen = dark > 0
     way = np.where(seen, np.log(np.where(seen, dark, 1.0) / np.where(dim > 0, dim, 1.0)), 0.0)
     nodes = _STEP_PER_M * np.arange(int(np.ceil(most_per_m / _STEP_PER_M)) + 4)
-    albedos = most_albedo * (0.5 - 0.5 * np.cos(np.pi * (np.arange(_ALBEDOS) + 0.5) / _ALBEDOS))
+    albedos = 0.5 * most_albedo * (1 + chebpts1(_ALBEDOS))
     if scene.reflectances[0] == 0:
         return Reflections(dark, way, _STEP_PER_M, albedos, np.zeros((0, _ALBEDOS, len(dark))))
     walls = [

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import RenderError
 from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.formula.scattered.scattered_field import ScatteredField
@@ -329,6 +329,6 @@ def _of_batches(scatter: Array) -> Array:
     shown = scatter @ scatter.T / (batches - 1) / batches
     scale, square = np.trace(shown) / n, float((shown**2).sum())
     share = (1 - 2 / n) * square + (n * scale) ** 2
-    share /= (batches - 2 / n) * max(square - n * scale**2, 1e-300)
+    share /= (batches - 2 / n) * max(square - n * scale**2, TINY)
     share = min(share, 1.0)
     return np.linalg.cholesky((1 - share) * shown + share * scale * np.eye(n))

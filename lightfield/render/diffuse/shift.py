@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from lightfield.arrays import TINY
 from lightfield.render.diffuse.bending import TalliedCells, quadratic
 from lightfield.render.diffuse.on_planes import on_planes
 from lightfield.render.response.grid import Grid, cell_of
@@ -19,8 +20,6 @@ from lightfield.scene.tank import Tank
 SMOOTH_WALLS = 11, 21, 0.25
 #: The light at one g over that at another varies over more than the width of a beam, which is an angle.
 SMOOTH_RATIOS = 7, 21, 0.095
-#: Light that is darker has no logarithm.
-DARKEST = 1e-300
 #: The mean over a cell parts from its middle by no more than this; what says more is noise.
 _MOST_BENT = 0.5
 #: Cells of a larger relative error have no logarithm to rely on: its mean is half a per cent too small there,
@@ -66,7 +65,7 @@ class ShiftParts(NamedTuple):
         """The same of what does not fall with the distance."""
         if len(self.which) == 1:
             return np.asarray(values[..., self.which[0]])
-        log = np.log(np.maximum(values, DARKEST))[..., self.which]
+        log = np.log(np.maximum(values, TINY))[..., self.which]
         return np.asarray(np.exp((log * self.weight).sum(axis=-2)))
 
     def quadratic(self, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> sparse.csr_array:
@@ -208,7 +207,7 @@ class Shift:
 
     def _at_places(self, field: np.ndarray, offset_x_m: float = 0.0, offset_y_m: float = 0.0) -> np.ndarray:
         """Fields at the places, (..., n_cells) to (..., n_places), see `apply`."""
-        top = field.max(axis=-1, keepdims=True, initial=1e-300)  # a colour may be dark
+        top = field.max(axis=-1, keepdims=True, initial=TINY)  # a colour may be dark
         log = np.log(np.maximum(field, 1e-6 * top))
         at, dx, dy, vx, vy, of_cells, *_ = self.parts
         terms = (of_cells @ log.reshape(-1, log.shape[-1]).T).T

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf
 from scipy.sparse import csr_array
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.decompositions import eigen
 from lightfield.render.diffuse.between_g import PassedOn
 from lightfield.render.diffuse.shift import Shift
@@ -92,18 +92,11 @@ def _one_by_one(
     walls: csr_array,
     channel: NDArray[np.integer[Any]],
 ) -> Array:
-    """Every contribution of every class and trace."""
+    """Every contribution of every class and trace; to some readings at a time, as all take memory."""
+    some = [slice(first, first + _AT_ONCE) for first in range(0, len(channel), _AT_ONCE)] or [slice(0)]
     return np.concatenate(
-        [
-            _of_some(shift.shares[rows], parts, per_light, walls, channel[rows])
-            for rows in _blocks(len(channel))
-        ]
+        [_of_some(shift.shares[rows], parts, per_light, walls, channel[rows]) for rows in some]
     )
-
-
-def _blocks(n: int) -> list[slice]:
-    """Some readings at a time: what cells give to all of them takes memory."""
-    return [slice(first, first + _AT_ONCE) for first in range(0, max(n, 1), _AT_ONCE)]
 
 
 def _of_some(
@@ -177,7 +170,7 @@ def as_few(modes: Array) -> Array:
     n, k = modes.shape
     if k <= n:
         return modes
-    size = np.maximum(np.linalg.norm(modes, axis=1, keepdims=True), 1e-300)
+    size = np.maximum(np.linalg.norm(modes, axis=1, keepdims=True), TINY)
     unit = modes / size
     variance, directions = eigen(unit @ unit.T)
     return np.asarray(size * directions * np.sqrt(np.maximum(variance, 0.0)))
@@ -197,7 +190,7 @@ def fewer_modes(modes: Array) -> Array:
     array, shape (n, rank)
     """
     size = np.linalg.norm(modes, axis=1, keepdims=True)
-    unit = modes / np.maximum(size, 1e-300)
+    unit = modes / np.maximum(size, TINY)
     root, order, rank, _ = dpstrf(unit @ unit.T, tol=LEFT_OUT, lower=1)
     out = np.empty((len(modes), rank))
     out[order - 1] = np.tril(root)[:, :rank]

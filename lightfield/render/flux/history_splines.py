@@ -12,10 +12,9 @@ from functools import cached_property
 from types import EllipsisType
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.render.response.grid import COMPONENTS, Grid
 from lightfield.render.response.response import TransportResponse
 from lightfield.render.response.symmetry import symmetric
@@ -110,7 +109,7 @@ class HistorySplines:
         return self.grid.x_m, self.grid.y_m, self.grid.z_m
 
     @cached_property
-    def _mirrored(self) -> NDArray[np.bool_]:
+    def _mirrored(self) -> Mask:
         """Along which of x, y and z one half tells the other."""
         detector = self.scene.detector.model_copy(update={"tilt_x_deg": 0.0})
         return np.array([*symmetric(self.scene.model_copy(update={"detector": detector})), False])

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lightfield.arrays import TINY
 from lightfield.render.reflected.patches import Patches
 from lightfield.scene import Lamp
 from lightfield.scene.lamp.frame import beam_angles, beyond_window, is_mirrored, is_round, source_point
@@ -139,5 +140,5 @@ def fresnel(cos_incidence: np.ndarray, n: float = WATER_INDEX) -> np.ndarray:
     c = np.clip(cos_incidence, 0, 1)
     sine = n * np.sqrt(1 - c * c)
     t = np.sqrt(np.maximum(1 - sine * sine, 0))
-    s_part, p_part = (n * c - t) / (n * c + t), (c - n * t) / (c + n * t + 1e-300)
+    s_part, p_part = (n * c - t) / (n * c + t), (c - n * t) / (c + n * t + TINY)
     return np.where(sine >= 1, 1.0, 0.5 * (s_part**2 + p_part**2))

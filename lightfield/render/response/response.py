@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import gammainc
 
-from lightfield.arrays import TINY, Array
+from lightfield.arrays import TINY, Array, Mask
 from lightfield.errors import RenderError
 from lightfield.memory import Latest
 from lightfield.render.response.open_ended import OPEN_ENDED_ERROR, Lengths
@@ -127,7 +127,7 @@ class TransportResponse:
         return self.straight_m.shape
 
     @property
-    def is_direct(self) -> NDArray[np.bool_]:
+    def is_direct(self) -> Mask:
         """Rows that light has reached without scattering or reflection, shape (n_rows,)."""
         return np.asarray(~self.histories.any(axis=1))
 
@@ -279,7 +279,7 @@ class TransportResponse:
     def _lengths(self) -> Lengths:
         return Lengths.of(self._straight_of_tally)
 
-    def varying(self, b: Array, rows: Rows = slice(None)) -> NDArray[np.bool_]:
+    def varying(self, b: Array, rows: Rows = slice(None)) -> Mask:
         """Which of some rows have another factor in every cell, shape (n_rows,)."""
         before, open_ended = self.reference.scattering_per_m, self.open_ended[rows]
         return open_ended & bool(before > 0 and (b != before).any() and np.ptp(self.straight_m) > 0)
@@ -365,7 +365,7 @@ class TransportResponse:
         return float(self.straight_m.mean())
 
     @cached_property
-    def open_ended(self) -> NDArray[np.bool_]:
+    def open_ended(self) -> Mask:
         """Rows of the highest class of n, of unreflected and of reflected light."""
         n, reflected = self.histories[:, 0], self.histories[:, 1:].any(axis=1)
         highest = [n[reflected == kind].max(initial=0) for kind in (False, True)]

@@ -76,7 +76,7 @@ def terminal_table(comparison: Comparison, wavelength_nm: float) -> Table:
             three_digits(plane.formula_spot.hwhm_m),
             concise(100 * plane.lost, 100 * plane.lost_stderr) + " %",
             *(_radius(plane, level) for level in ERROR_LEVELS),
-            style="yellow" if plane.told_on_axis(ERROR_LEVELS[0]) == BEYOND else None,
+            style="yellow" if plane.told_on_axis == BEYOND else None,
         )
     return table
 
@@ -126,7 +126,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
             )
         body = [
             [
-                {"text": cell, "over": index == 2 and plane.told_on_axis(ERROR_LEVELS[0]) == BEYOND}
+                {"text": cell, "over": index == 2 and plane.told_on_axis == BEYOND}
                 for index, cell in enumerate(row)
             ]
             for plane, row in zip(planes, rows(planes), strict=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+
+from matplotlib.figure import Figure
 
 from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.diagnosis.verdict.next_measurement import what_next
@@ -117,66 +118,74 @@ def _figures(view: DiagnosisView, spots: Sequence[PlaceToRead]) -> dict[str, Pag
         Where to read next.
     """
     verdict, readings = view.verdict, view.readings
-    told: dict[str, tuple[Any, ...] | None] = dict.fromkeys(
-        _DRAWN
-    )  # caption, what it is, and how it is drawn
+    drawn: dict[str, PageFigure | None] = dict.fromkeys(_DRAWN)
+    wide = "residuals" if view.is_grid else ""  # scrolls on a telephone
+
+    def draw(name: str, caption: str, alt: str, how: Callable[..., Figure], *of: object) -> None:
+        drawn[name] = page_figure(name, caption, alt, how, *of, narrow=name != wide)
+
     if view.is_scattered:
-        told["data"] = (
+        draw(
+            "data",
             "Each reading with its error against what the model says of its place: on the line they agree. "
             "Over the decades of the readings, which share no scan.",
             "Readings against models at single places", measured_figure, view,
         )  # fmt: skip
     else:
-        told["data"] = (
+        draw(
+            "data",
             "Above: readings with their errors, base model (dashed) and, where there is one, the explained "
             "model with its one-sigma band, over decades where they span some. Below: what is left, open for "
             "the base model, filled for the explained one.",
             "Readings and models per plane with residuals", data_figure, view,
         )  # fmt: skip
     if view.scan_axis != "z_m" or view.is_scattered:  # a map of points on one line shows nothing more
-        told["residuals"] = (
+        draw(
+            "residuals",
             "Every reading at its place; red: brighter than the model, blue: darker. Ringed: set aside.",
             "Residuals by position", place_map if view.is_scattered else residual_map, view,
         )  # fmt: skip
-    told["ladder"] = (
+    draw(
+        "ladder",
         "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
         "Error of each rung of the ladder against the noise floor",
         ladder_figure, verdict.ladder, verdict.noise_floor_percent,
     )  # fmt: skip
-    told["tank"] = (
+    draw(
+        "tank",
         "Readings taken, and stars where the next ones decide most." if spots else "Readings taken.",
         "Tank from above and from the side with positions of readings",
         tank_figure, readings.x_m, readings.y_m, readings.z_m, view.tank, spots, view.hwhm_deg,
     )  # fmt: skip
     if view.curves:
-        told["curves"] = (
+        draw(
+            "curves",
             "What the explanation says of lamp, water or time as a curve: above against the model without "
             "it, below the band of its two standard errors.",
             "Fitted curves with their errors", curve_figure, view.curves,
         )  # fmt: skip
     if verdict.left_over:
-        told["left"] = (
+        draw(
+            "left",
             "Where the rest lies that nothing explains. Lines: factors on the light that would make it good, "
             "with two standard errors. Dots: readings over the model without them. No explanations.",
             "Local unknowns along their coordinates", left_figure, verdict.left_over,
         )  # fmt: skip
     if view.signatures:
-        told["signatures"] = (
+        draw(
+            "signatures",
             "Dots: what the base model leaves. Lines: what each accepted explanation adds, all else "
             "refitted. Lines that lie on each other cannot be told apart by these readings.",
             "Signatures of the accepted explanations over the residual", signature_figure, view,
         )  # fmt: skip
     if view.separation is not None and len(view.separation.names) > 1:
-        told["separation"] = (
+        draw(
+            "separation",
             "Row: the truth, as fitted. Column: the nearest that the other explanation can come, in sigma. "
             "Under 3 (bold) they form one class; above 6 they are told apart safely.",
             "Matrix of separations between explanations", separation_figure, view.separation,
         )  # fmt: skip
-    wide = "residuals" if view.is_grid else ""  # scrolls on a telephone
-    return {
-        name: page_figure(name, *about, narrow=name != wide) if about else None
-        for name, about in told.items()
-    }
+    return drawn
 
 
 def _aside(each: SetAside) -> list[str]:

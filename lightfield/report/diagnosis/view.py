@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.scene import Tank
@@ -94,7 +94,7 @@ class DrawnReadings:
     value: Array
     sigma: Array
     medium: Sequence[str]
-    left_out: NDArray[np.bool_]
+    left_out: Mask
 
 
 @dataclass(frozen=True)

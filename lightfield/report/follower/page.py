@@ -121,24 +121,23 @@ def survey_page(survey: Survey) -> str:
             rival,
         ),
     ]
-    blind = [WORDS[n] for n, s in survey.here.sigma.items() if not np.isfinite(s)]
-    verdict = (
-        f"{len(survey.elements)} elements know where they are well enough to dock "
-        + (
-            "nowhere in the formation space",
-            f"in {100 * survey.reaches:.0f} % of the formation space",
-            "everywhere",
-        )[int(survey.reaches > 0) + int(survey.reaches == 1)]
-        + (f"; blind to {', '.join(blind)}" if blind else "")
-        + ("; another pose looks alike" if len(survey.rivals) == 1 else "")
-        + (f"; {len(survey.rivals)} other poses look alike" if len(survey.rivals) > 1 else "")
-        + "."
-    )
     unknown = ", ".join(f"{k} (standard deviation {v:.3g})" for k, v in survey.nuisances.items()) or "nothing"
     origin = [("light", light_in_words(survey.traced)), ("unknown beside the pose", unknown)]
     lead = [f"Docking asks for {DOCKING_ASKS}.", *([LOOKS_AWAY] if survey.looks_away else [])]
     lead += [survey.why_unknown] if survey.tied else []
-    return page("Detector array", verdict, lead, sections, survey.scene, origin)
+    return page("Detector array", _survey_headline(survey), lead, sections, survey.scene, origin)
+
+
+def _survey_headline(survey: Survey) -> str:
+    where = f"in {100 * survey.reaches:.0f} % of the formation space"
+    if survey.reaches in (0, 1):
+        where = "everywhere" if survey.reaches else "nowhere in the formation space"
+    said = [f"{len(survey.elements)} elements know where they are well enough to dock {where}"]
+    if blind := [WORDS[n] for n, s in survey.here.sigma.items() if not np.isfinite(s)]:
+        said.append(f"blind to {', '.join(blind)}")
+    if alike := len(survey.rivals):
+        said.append("another pose looks alike" if alike == 1 else f"{alike} other poses look alike")
+    return f"{'; '.join(said)}."
 
 
 def arrays_page(found: Arrays) -> str:

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array, Mask
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.lamp.section import is_even
@@ -60,7 +59,7 @@ def angle_from_axis(x_m: Array, y_m: Array, z_m: Array) -> Array:
     return np.asarray(np.arctan2(np.hypot(x_m, y_m), z_m))
 
 
-def is_ahead(lamp: Lamp, z_m: Array) -> NDArray[np.bool_]:
+def is_ahead(lamp: Lamp, z_m: Array) -> Mask:
     """Does straight light get there: beyond the window, and beyond a source in front of it?"""
     return np.asarray(z_m > max(-lamp.apparent_distance_m, 0.0))
 
@@ -138,5 +137,5 @@ def beam_angles(lamp: Lamp, x: Array, y: Array, z: Array) -> tuple[Array, Array]
 def angles_about_axis(x: Array, y: Array, z: Array | float) -> tuple[Array, Array]:
     """theta (cos phi, sin phi), rad, of vectors with these components in the frame of the beam."""
     across = np.sqrt(x * x + y * y)
-    scale = np.arctan2(across, z) / np.maximum(across, 1e-300)
+    scale = np.arctan2(across, z) / np.maximum(across, TINY)
     return x * scale, y * scale

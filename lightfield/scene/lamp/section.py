@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.scene.acts import Acts
 from lightfield.scene.lamp.lamp import Lamp
 from lightfield.scene.parameters import switched_off
@@ -92,7 +92,7 @@ def narrowing(lamp: Lamp) -> tuple[float, float, float]:
 
 def width_towards(lamp: Lamp, theta_x_rad: Array, theta_y_rad: Array) -> Array:
     """How much wider a lopsided beam is in these directions from its axis than on average."""
-    away = np.maximum(np.hypot(theta_x_rad, theta_y_rad), 1e-300)
+    away = np.maximum(np.hypot(theta_x_rad, theta_y_rad), TINY)
     return np.asarray(
         1.0 + (lamp.asymmetry_x * theta_x_rad + lamp.asymmetry_y * theta_y_rad) / away, dtype=float
     )

@@ -100,9 +100,9 @@ def scattering_per_m(water: Water, wavelength_nm: ArrayLike) -> Array:
         A wavelength outside the base's table.
     """
     w = np.asarray(wavelength_nm, dtype=float)
-    if is_grey(water):
-        return np.full(w.shape, water.scattering_per_m + water.settling_per_m)
     grey = water.scattering_per_m + water.settling_per_m
+    if is_grey(water):
+        return np.full(w.shape, grey)
     b = _base(water, w)[1] + grey * colour_of_particles(water, w)
     if water.chlorophyll_mg_per_m3:
         b = b + chlorophyll_scattering_per_m(water.chlorophyll_mg_per_m3, w)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.decompositions import eigen
 
 #: Of a colour's largest singular value, below which a combination of its parameters is not told.
@@ -123,7 +123,7 @@ class Design:
     shared_stderr: Array
 
     @property
-    def known(self) -> NDArray[np.bool_]:
+    def known(self) -> Mask:
         """What was read, shape (n_rows, n_colours)."""
         return np.isfinite(self.sigma)
 
@@ -183,7 +183,7 @@ class Design:
         return np.asarray(self._own @ self._between.transpose(0, 2, 1))
 
     @cached_property
-    def _some(self) -> NDArray[np.bool_]:
+    def _some(self) -> Mask:
         return self.shared_stderr > 0
 
     @cached_property

@@ -23,9 +23,10 @@ from lightfield.scene.water.water import Water
 from lightfield.studies.attenuation.common_errors import POOR_FIT, Design, misfit_factor, misfit_p
 from lightfield.studies.attenuation.scattered import Stack
 
+_Row = tuple[str, str, float, float, float]
 #: What is looked for: field of the water, its unit, its name, where fits start, what it is scaled by, and how
 #: much there may be at most.
-CONSTITUENTS = {
+CONSTITUENTS: dict[str, _Row] = {
     "chlorophyll_mg_per_m3": ("mg/m³", "chlorophyll", 0.1, 0.1, 100.0),
     "cdom_440_per_m": ("1/m", "CDOM at 440 nm", 0.02, 0.05, 10.0),
     "sediment_g_per_m3": ("g/m³", "sediment", 0.02, 0.1, 100.0),
@@ -182,24 +183,22 @@ def fit_constituents(
         do not describe.
     """
     names = {**CONSTITUENTS, **(EXTRA if grey else {})}
-    design, left = _left(stack, base, list(names), scattered)
-    start, scale, most = _limits(names)
-    best = _fit(left, start, scale, most)
-    dof = int(np.isfinite(stack.y).sum()) - design.X.shape[1] * design.X.shape[2] - len(names)
-    times = misfit_factor(best.chi2, dof)
+    sought = _Sought.of(stack, base, names, scattered)
+    best = sought.fit(sought.start)
+    times = misfit_factor(best.chi2, sought.dof)
     amounts = {
-        name: _profile(left, best, k, scale, most, times, names[name][1], names[name][0])
-        for k, name in enumerate(names)
+        name: _profile(sought, best, k, times, called, unit)
+        for k, (name, (unit, called, *_)) in enumerate(names.items())
     }
-    alternatives = _alternatives(left, best, amounts, scale, most, times)
+    alternatives = _alternatives(sought, best, amounts, times)
     water = base.model_copy(update={n: float(v) for n, v in zip(names, best.u, strict=True)})
-    return Constituents(amounts, alternatives, water, best.chi2, dof)
+    return Constituents(amounts, alternatives, water, best.chi2, sought.dof)
 
 
 def best_amounts(stack: Stack, base: Water, *, scattered: bool = True) -> dict[str, float]:
     """The amounts of `fit_constituents` without their intervals, by field of the water."""
-    _, left = _left(stack, base, list(CONSTITUENTS), scattered)
-    best = _fit(left, *_limits(CONSTITUENTS))
+    sought = _Sought.of(stack, base, CONSTITUENTS, scattered)
+    best = sought.fit(sought.start)
     return dict(zip(CONSTITUENTS, best.u.tolist(), strict=True))
 
 
@@ -213,12 +212,11 @@ def other_slope(
     found : Constituents
         Of the same stack with the slope of `base`.
     """
-    start, scale, most = _limits(CONSTITUENTS)
     start = np.array([found.amounts[name].value for name in CONSTITUENTS])
 
     def chi2(slope: float) -> float:
         there = base.model_copy(update={_SLOPE: slope})
-        return _fit(_left(stack, there, list(CONSTITUENTS), scattered)[1], start, scale, most).chi2
+        return _Sought.of(stack, there, CONSTITUENTS, scattered).fit(start).chi2
 
     best = minimize_scalar(chi2, bounds=_SLOPES_PER_NM, method="bounded", options={"xatol": _SLOPE_TO})
     if found.chi2 - best.fun < _RISE_95:
@@ -233,65 +231,69 @@ def pure(water: Water) -> Water:
     return bare.model_copy(update={**known, _SLOPE: water.cdom_slope_per_nm})
 
 
-def _left(
-    stack: Stack, base: Water, names: list[str], scattered: bool
-) -> tuple[Design, Callable[[Array], Array]]:
-    """What amounts leave of the readings, in their errors."""
-    design = Design(stack.sigma, stack.alphas, *stack.shared(traced=scattered))
-    y = stack.y
+@dataclass(frozen=True)
+class _Sought:
+    """Amounts that are sought: what they leave of the readings, in their errors, and their limits.
 
-    def left(u: Array) -> Array:
-        water = _holding(base, dict(zip(names, u, strict=True)))
-        return design.whitened(y - stack.of_water(water, scattered))
+    Parameters
+    ----------
+    left : callable
+        Of amounts, shape (n,).
+    start, scale, most : array, shape (n,)
+        Where fits start, the scale of each amount, and how much there may be.
+    dof : int
+        Of a fit of all.
+    """
 
-    return design, left
+    left: Callable[[Array], Array]
+    start: Array
+    scale: Array
+    most: Array
+    dof: int
 
+    @classmethod
+    def of(
+        cls,
+        stack: Stack,
+        base: Water,
+        names: dict[str, tuple[str, str, float, float, float]],
+        scattered: bool,
+    ) -> _Sought:
+        design, y = Design(stack.sigma, stack.alphas, *stack.shared(traced=scattered)), stack.y
 
-def _limits(names: dict[str, tuple[str, str, float, float, float]]) -> tuple[Array, Array, Array]:
-    """Where fits start, the scale of each amount, and how much there may be."""
-    start, scale, most = (np.array([row[k] for row in names.values()], float) for k in (2, 3, 4))
-    return start, scale, most
+        def left(u: Array) -> Array:
+            amounts = {name: max(float(v), 0.0) for name, v in zip(names, u, strict=True)}
+            return design.whitened(y - stack.of_water(base.model_copy(update=amounts), scattered))
 
+        start, scale, most = (np.array([row[k] for row in names.values()], float) for k in (2, 3, 4))
+        dof = int(np.isfinite(y).sum()) - design.X.shape[1] * design.X.shape[2] - len(names)
+        return cls(left, start, scale, most, dof)
 
-def _holding(base: Water, amounts: dict[str, float]) -> Water:
-    return base.model_copy(update={name: max(float(v), 0.0) for name, v in amounts.items()})
+    def fit(self, start: Array, held: Collection[int] = ()) -> _Fit:
+        """Least chi-square over all amounts but the held ones, none below nothing."""
+        free = [k for k in range(len(start)) if k not in held]
+        if not free:
+            return _Fit(start, float((self.left(start) ** 2).sum()), np.zeros((0, 0)))
 
+        def some(v: Array) -> Array:
+            u = start.copy()
+            u[free] = v
+            return self.left(u)
 
-def _fit(
-    left: Callable[[Array], Array], start: Array, scale: Array, most: Array, held: Collection[int] = ()
-) -> _Fit:
-    """Least chi-square over all amounts but the held ones, none below nothing."""
-    free = [k for k in range(len(start)) if k not in held]
-    if not free:
-        return _Fit(start, float((left(start) ** 2).sum()), np.zeros((0, 0)))
-
-    def some(v: Array) -> Array:
+        scale, most = self.scale[free], self.most[free]
+        inside = np.clip(start[free], 1e-6 * scale, 0.999 * most)
+        found = least_squares(
+            some, inside, bounds=(np.zeros(len(free)), most), x_scale=scale, xtol=1e-6, ftol=1e-7
+        )
         u = start.copy()
-        u[free] = v
-        return left(u)
-
-    inside = np.clip(start[free], 1e-6 * scale[free], 0.999 * most[free])
-    found = least_squares(
-        some, inside, bounds=(np.zeros(len(free)), most[free]), x_scale=scale[free], xtol=1e-6, ftol=1e-7
-    )
-    u = start.copy()
-    u[free] = found.x
-    covariance = np.linalg.pinv(found.jac.T @ found.jac)
-    return _Fit(u, float(2 * found.cost), covariance)
+        u[free] = found.x
+        return _Fit(u, float(2 * found.cost), np.linalg.pinv(found.jac.T @ found.jac))
 
 
-def _profile(
-    left: Callable[[Array], Array],
-    best: _Fit,
-    k: int,
-    scale: Array,
-    most: Array,
-    times: float,
-    name: str,
-    unit: str,
-) -> Amount:
+def _profile(sought: _Sought, best: _Fit, k: int, times: float, name: str, unit: str) -> Amount:
     """Where chi-square, least over all other amounts, rises by 1 and by 3.84; of errors `times` as large."""
     value, step = float(best.u[k]), times * float(np.sqrt(best.covariance[k, k]))
+    most = float(sought.most[k])
     known: dict[float, float] = {value: 0.0}
     last = [best.u]
 
@@ -299,15 +301,15 @@ def _profile(
         if at not in known:
             start = last[-1].copy()
             start[k] = at
-            fit = _fit(left, start, scale, most, held=(k,))
+            fit = sought.fit(start, held=(k,))
             last.append(fit.u)
             known[at] = (fit.chi2 - best.chi2) / times**2
         return known[at]
 
     def end(level: float, direction: int) -> float:
-        limit, size, at = (0.0 if direction < 0 else float(most[k])), _FIRST_STEP * step, value
+        limit, size, at = (0.0 if direction < 0 else most), _FIRST_STEP * step, value
         while True:
-            beyond = float(np.clip(at + direction * size, 0.0, most[k]))
+            beyond = float(np.clip(at + direction * size, 0.0, most))
             if rise(beyond) >= level:
                 low, high = sorted((at, beyond))
                 return float(brentq(lambda v: rise(float(v)) - level, low, high, xtol=_FOUND * step))
@@ -322,12 +324,7 @@ def _profile(
 
 
 def _alternatives(
-    left: Callable[[Array], Array],
-    best: _Fit,
-    amounts: dict[str, Amount],
-    scale: Array,
-    most: Array,
-    times: float,
+    sought: _Sought, best: _Fit, amounts: dict[str, Amount], times: float
 ) -> tuple[Alternatives, ...]:
     """The smallest sets of amounts, none found by itself, of which not all are nothing.
 
@@ -344,7 +341,7 @@ def _alternatives(
                 continue
             start = best.u.copy()
             start[list(held)] = 0.0
-            rise = (_fit(left, start, scale, most, held).chi2 - best.chi2) / times**2
+            rise = (sought.fit(start, held).chi2 - best.chi2) / times**2
             if rise > stats.chi2.isf(0.05, size):
                 found.append(Alternatives(chosen, rise))
     return tuple(found)

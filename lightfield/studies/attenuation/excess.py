@@ -102,10 +102,10 @@ def excess_light(
     scene = lit(scene).model_copy(update={OWN_FIELD: ()})
     first, count = grey(scene, *typical), len(places[2])
     response = diffuse_response_at(trace, first, places, largest_b)
-    nodes_a, nodes_b = (0.5 * (np.cos(np.pi * (np.arange(n) + 0.5) / n) + 1) for n in (NODES_A, NODES_B))
+    nodes = chebyshev.chebpts1(NODES_A), chebyshev.chebpts1(NODES_B)
     values = np.zeros((NODES_A, NODES_B, count))
-    for i, a in enumerate(nodes_a * largest_a):
-        for k, b in enumerate(nodes_b * largest_b):
+    for i, a in enumerate(0.5 * (nodes[0] + 1) * largest_a):
+        for k, b in enumerate(0.5 * (nodes[1] + 1) * largest_b):
             water = grey(scene, float(a), float(b))
             values[i, k] = response.light(water, [None])[0] / direct_field(water, *places)
     light = response.light(first, [None])[0] + direct_field(first, *places)
@@ -119,9 +119,8 @@ def excess_light(
             remedy="ask for nearer places, or leave scattered light out",
         )
     values = np.log1p(values)
-    for axis, n in ((0, NODES_A), (1, NODES_B)):
-        at = np.cos(np.pi * (np.arange(n) + 0.5) / n)
-        turned = np.tensordot(np.linalg.inv(chebyshev.chebvander(at, n - 1)), values, (1, axis))
+    for axis, at in enumerate(nodes):
+        turned = np.tensordot(np.linalg.inv(chebyshev.chebvander(at, len(at) - 1)), values, (1, axis))
         values = np.moveaxis(turned, 0, axis)
     return Excess(largest_a, largest_b, values, modes)
 

@@ -14,20 +14,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lightfield.arrays import Array
-from lightfield.diagnosis.problem.quoted import ASSUMED_RELATIVE, own_part
+from lightfield.arrays import Array, Mask
+from lightfield.diagnosis.problem.quoted import own_part
 from lightfield.diagnosis.problem.setup import budget_of
 from lightfield.errors import MeasurementError
 from lightfield.formula.closed_form import direct_field
-from lightfield.formula.readout import Taken, halves, signal_of, spectra, time_factor
 from lightfield.readings import Readings
-from lightfield.readings.columns import PLACE_DECIMALS, WAVELENGTH_DECIMALS
 from lightfield.readings.load_warning import Remarks
 from lightfield.scene import Scene, Water
 from lightfield.scene.acts import IN_WATER, Acts
 from lightfield.scene.all_parameters import without
 from lightfield.scene.parameters import fields_on, neutral_of
 from lightfield.studies.attenuation.common_errors import stays
+from lightfield.studies.attenuation.means import (
+    FAINT_SIGMA,
+    PairMeans,
+    Pairs,
+    light_as_steady,
+    relative_errors,
+)
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
 from lightfield.studies.attenuation.shared_errors import (
@@ -38,9 +43,6 @@ from lightfield.studies.attenuation.shared_errors import (
     stay_variance,
 )
 
-#: Readings below so many of their standard errors have no useful logarithm: its bias, half the squared
-#: relative error, would reach the error of a stay (0.3 %).
-_FAINT_SIGMA = 12.0
 #: A reading is below zero, and not faint, by so many of its errors (chosen: of a thousand one by chance).
 _BELOW_SIGMA = 3.0
 #: Part of the brightest light that stands for none.
@@ -59,8 +61,6 @@ _REMEDIES = {
     Studied.NEGATIVE: "correct their sign, or take the dark signal off once",
     Studied.NOT_IN_AIR: "read water and air at the same places, in the same bands",
 }
-#: Repeats from which an error that the table does not state is taken.
-_FEWEST_REPEATS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,86 +145,99 @@ def ratios_of(readings: Readings, scene: Scene, in_air: bool | None = None) -> R
     MeasurementError
         Too few distances or media; readings that do not fit the scene.
     """
-    scene = covering(scene, readings.wavelength_nm)
+    scene = _covering(scene, readings.wavelength_nm)
     table = readings.check_against(scene)
     table = table.subset((table.role == "signal") & ~table.saturated)
-    where, air = readings.source or None, np.asarray(table.medium) == "air"
+    air = np.asarray(table.medium) == "air"
     if in_air is None:
         in_air = bool(air.any())
+    where = readings.source or None
+    _refuse_one_medium(air, in_air, where)
+    media = (~air, air) if in_air else (~air,)
+    pairs = Pairs.of(table)
+    light, slope = light_as_steady(table, scene, air, float(np.abs(readings.value).max()))
+    # Of nothing there is no relative error: so little is as nothing.
+    light = np.where(light == 0, _NOTHING * np.abs(light).max(), light)
+    relative, notes = relative_errors(table, light, slope, pairs.number, air)
+    common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value * slope / light)
+    relative = own_part(relative, common)
+    lossless = without(scene, IN_WATER)
+    clear, path, geometry = _straight(scene, lossless, pairs.places, in_air)
+    water = pairs.means(light, relative, ~air)
+    if in_air:
+        other = pairs.means(light, relative, air)
+    else:
+        other = PairMeans(clear[:, None] * np.ones(pairs.shape), np.zeros(pairs.shape))
+    bright, left_out = _bright(pairs, water, other, clear > 0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ln = np.where(bright, np.log(water.mean / other.mean), np.nan) - geometry[:, None]
+        stderr = np.where(bright, np.hypot(water.error / water.mean, other.error / other.mean), np.nan)
+    seen, budget = seen_by(table, scene, pairs.wavelength_nm), budget_of(table)
+    notes += [*_left_in(readings, scene), *left_out]
+    if in_bands := int((seen.width_nm > 0).sum()):
+        less = 100 * float(seen.hardened(Water(base="pure"), path[clear > 0]).max())
+        notes.append(
+            Remark(Studied.BANDS, in_bands, len(seen.width_nm), float(seen.width_nm.max()), percent=less)
+        )
+    if not budget.gain_stated:
+        notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
+    x, y, z = pairs.places.T
+    distances, stay = np.unique(z, return_inverse=True)
+    behind = scene.lamp.apparent_distance_m
+    variance = stay_variance(
+        table, media, distances, budget.plane_gain, budget.position_m, behind, falls(ln, path)
+    )
+    together = of_places([pairs.means(light, common, medium) for medium in media])
+    aside = sideways(lossless, table, media, pairs.places, pairs.place, budget.position_m)
+    found = Ratios(
+        scene, x, y, z, path, stay, np.sqrt(variance), np.hypot(together, aside), pairs.wavelength_nm,
+        ln, stderr, geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
+    )  # fmt: skip
+    found = _enough(found, where)
+    return found if np.isfinite(table.common_percent).any() else _as_bands_scatter(found)
+
+
+def _refuse_one_medium(air: Mask, in_air: bool, where: str | None) -> None:
     if in_air and not air.any():
         raise MeasurementError(
             "no readings in air", where=where, rule='medium = "air" at the distances of those in water',
             remedy="measure in air, or let the formula stand for it (the beam is then the scene's)",
         )  # fmt: skip
-    if not (~air).any():
+    if air.all():
         raise MeasurementError(
             "no readings in water", where=where, rule='medium = "water"', remedy="correct the column medium"
         )
-    places, place = _labels(table.x_m, table.y_m, table.z_m, decimals=PLACE_DECIMALS)
-    colours, colour = _labels(table.wavelength_nm, decimals=WAVELENGTH_DECIMALS)
-    shape = (len(places), len(colours))
-    light, slope = _light(table, scene, air, float(np.abs(readings.value).max()))
-    # Of nothing there is no relative error: so little is as nothing.
-    light = np.where(light == 0, _NOTHING * np.abs(light).max(), light)
-    relative, notes = _relative_errors(table, light, slope, place * len(colours) + colour, air)
-    common = np.nan_to_num(table.common_percent) / 100 * np.abs(table.value * slope / light)
-    relative = own_part(relative, common)
-    x, y, z = places.T
-    lossless = without(scene, IN_WATER)
-    clear = direct_field(lossless, x, y, z)
+
+
+def _straight(scene: Scene, lossless: Scene, places: Array, in_air: bool) -> tuple[Array, Array, Array]:
+    """Of every place: the formula's light in lossless water, the straight path in water, m, and delta."""
     thick = lossless.with_values({"water.absorption_per_m": 1.0}, validate=False)
-    with np.errstate(invalid="ignore"):  # 0 / 0 where the receiver does not see the lamp: left out below
+    (x, y, z), geometry = places.T, np.zeros(len(places))
+    clear = direct_field(lossless, x, y, z)
+    with np.errstate(invalid="ignore"):  # 0 / 0 where the receiver does not see the lamp: left out later
         path = np.log(clear / direct_field(thick, x, y, z))
-    water, water_error = _means(light, relative, ~air, place, colour, shape)
-    together = [_means(light, common, ~air, place, colour, shape)]
-    other: Array = clear[:, None] * np.ones(shape)
-    other_error: Array = np.zeros(shape)
-    geometry = np.zeros(len(places))
-    if in_air:
-        other, other_error = _means(light, relative, air, place, colour, shape)
-        together.append(_means(light, common, air, place, colour, shape))
-        with np.errstate(invalid="ignore"):
-            geometry = np.log(clear / direct_field(scene, x, y, z, medium=np.ones(len(places), bool)))
-    bright = (
-        (clear > 0)[:, None] & (water > _FAINT_SIGMA * water_error) & (other > _FAINT_SIGMA * other_error)
-    )
-    both = np.isfinite(water) & np.isfinite(other)
-    if _DARK_DOUBTS & {*readings.metadata.get("imported", {}).get("remarks", ())}:
-        notes.append(Remark(Studied.DARK_LEFT))
-    if left := _left_in(scene):
-        notes.append(Remark(Studied.READOUT_LEFT, why=", ".join(left)))
-    below = both & ((water < -_BELOW_SIGMA * water_error) | (other < -_BELOW_SIGMA * other_error))
+        if in_air:
+            geometry = np.log(clear / direct_field(scene, x, y, z, medium=np.ones(len(z), bool)))
+    return clear, path, geometry
+
+
+def _bright(pairs: Pairs, water: PairMeans, other: PairMeans, lit: Mask) -> tuple[Mask, list[Remark]]:
+    """Pairs of place and colour that have a logarithm, and what is said of those left out."""
+    bright, below = lit[:, None] & np.ones(pairs.shape, bool), np.zeros(pairs.shape, bool)
+    for light in (water, other):
+        bright &= light.mean > FAINT_SIGMA * light.error
+        below |= light.mean < -_BELOW_SIGMA * light.error
+    read, both = np.isfinite(water.mean), np.isfinite(water.mean) & np.isfinite(other.mean)
     left_out = {
-        Studied.FAINT: (both & ~bright & ~below, int(both.sum()), _FAINT_SIGMA),
-        Studied.NEGATIVE: (below, int(both.sum()), _BELOW_SIGMA),
-        Studied.NOT_IN_AIR: (np.isfinite(water) & ~np.isfinite(other), None, None),
+        Studied.FAINT: (both & ~bright & ~below, int(both.sum()), FAINT_SIGMA),
+        Studied.NEGATIVE: (both & below, int(both.sum()), _BELOW_SIGMA),
+        Studied.NOT_IN_AIR: (read & ~both, None, None),
     }
-    for what, (which, among, limit) in left_out.items():
-        if count := int(which.sum()):
-            notes.append(Remark(what, count, among, limit, first=_first(which, places, colours[:, 0])))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ln = np.where(bright, np.log(water / other), np.nan) - geometry[:, None]
-        error = np.where(bright, np.hypot(water_error / water, other_error / other), np.nan)
-    seen = seen_by(table, scene, colours[:, 0])
-    if in_bands := int((seen.width_nm > 0).sum()):
-        less = 100 * float(seen.hardened(Water(base="pure"), path[clear > 0]).max())
-        notes.append(Remark(Studied.BANDS, in_bands, len(colours), float(seen.width_nm.max()), percent=less))
-    distances, stay = np.unique(places[:, 2], return_inverse=True)
-    budget = budget_of(table)
-    if not budget.gain_stated:
-        notes.append(Remark(Studied.GAIN_ASSUMED, percent=100 * budget.plane_gain))
-    behind = scene.lamp.apparent_distance_m
-    variance = stay_variance(
-        table, air, distances, budget.plane_gain, budget.position_m, in_air, behind, falls(ln, path)
-    )
-    aside = sideways(lossless, table, air, places, place, budget.position_m, in_air)
-    place_stderr = np.hypot(of_places(together), aside)
-    found = Ratios(
-        scene, x, y, z, path, stay, np.sqrt(variance), place_stderr, colours[:, 0], ln, error,
-        geometry, "air" if in_air else "formula", seen, tuple(notes), _published(readings),
-    )  # fmt: skip
-    found = _enough(found, where)
-    return found if np.isfinite(table.common_percent).any() else _as_bands_scatter(found)
+    return bright, [
+        Remark(what, int(which.sum()), among, limit, first=pairs.first(which))
+        for what, (which, among, limit) in left_out.items()
+        if which.any()
+    ]
 
 
 def _as_bands_scatter(found: Ratios) -> Ratios:
@@ -246,11 +259,21 @@ def _as_bands_scatter(found: Ratios) -> Ratios:
     )
 
 
-def _left_in(scene: Scene) -> list[str]:
-    """What the scene says that readings hold, and their ratio still does: paths of its parameters."""
-    own = [e.name for e in scene.effect if not e.is_off and (e.stage == "readout" or e.speaks_of("time"))]
+def _left_in(readings: Readings, scene: Scene) -> list[Remark]:
+    """What readings hold beside the light, and their ratio still does: by their head, and by the scene."""
+    notes = []
+    if _DARK_DOUBTS & {*readings.metadata.get("imported", {}).get("remarks", ())}:
+        notes.append(Remark(Studied.DARK_LEFT))
     ageing = [f"water.{name}" for name in fields_on(Water, Acts.AGEING) if name in neutral_of(Water)]
-    return [path for path in ageing if scene.get(path)] + [f"effect.{name}" for name in own]
+    left = [path for path in ageing if scene.get(path)]
+    left += [
+        f"effect.{e.name}"
+        for e in scene.effect
+        if not e.is_off and (e.stage == "readout" or e.speaks_of("time"))
+    ]
+    if left:
+        notes.append(Remark(Studied.READOUT_LEFT, why=", ".join(left)))
+    return notes
 
 
 def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:
@@ -270,7 +293,7 @@ def _published(readings: Readings) -> tuple[tuple[float, float, float], ...]:
     return tuple(found)
 
 
-def covering(scene: Scene, wavelength_nm: Array) -> Scene:
+def _covering(scene: Scene, wavelength_nm: Array) -> Scene:
     """The scene with a band more where its own do not hold all the wavelengths of a table."""
     known = wavelength_nm[np.isfinite(wavelength_nm)]
     bands = scene.detector.bands_nm
@@ -280,88 +303,6 @@ def covering(scene: Scene, wavelength_nm: Array) -> Scene:
     low, high = float(min(outside)) - 0.5, float(max(outside)) + 0.5
     detector = scene.detector.model_copy(update={"bands_nm": (*bands, (max(low, 0.5), high))})
     return scene.model_copy(update={"detector": detector})
-
-
-def _labels(*columns: Array, decimals: int) -> tuple[Array, NDArray[np.int_]]:
-    """Different rows of rounded columns, shape (n, n_columns), and which of them each is."""
-    rows, label = np.unique(np.round(np.stack(columns, 1), decimals) + 0.0, axis=0, return_inverse=True)
-    return rows, label.ravel()
-
-
-def _first(which: NDArray[np.bool_], places: Array, wavelength_nm: Array) -> str:
-    """Place and wavelength of the first of some pairs, shape (n_places, n_colours), in words."""
-    k, colour = np.argwhere(which)[0]
-    (x, y, z), at = places[k], wavelength_nm[colour]
-    aside = f"x = {x:g}, y = {y:g}, " if x or y else ""
-    return f"{aside}z = {z:g} m" + (f", {at:g} nm" if np.isfinite(at) else "")
-
-
-def _light(table: Readings, scene: Scene, air: NDArray[np.bool_], full: float) -> tuple[Array, Array]:
-    """The light that was read as if the lamp were steady, and its derivative by the reading.
-
-    Without what the scene says of background, planes' gains, saturation, stray light and second order.
-    """
-    spectrum = spectra(table.x_m, table.y_m, table.z_m, air, table.time_s)
-    overlap = halves(spectrum, table.wavelength_nm)
-    taken = Taken(air, spectrum, table.time_s, overlap, table.z_m, table.wavelength_nm)
-    light, slope = signal_of(scene, table.value, full, taken)
-    if np.isnan(light).any():
-        raise MeasurementError(
-            "readings are larger than this instrument shows", where=table.source or None,
-            found=f"{int(np.isnan(light).sum())} of {len(light)}",
-            rule="what detector.saturation leaves of any light",
-            remedy="correct detector.saturation, or mark what saturates in the column saturated",
-        )  # fmt: skip
-    steady = time_factor(scene, table.time_s)
-    return light / steady, slope / steady
-
-
-def _relative_errors(
-    table: Readings, light: Array, slope: Array, group: NDArray[np.int_], air: NDArray[np.bool_]
-) -> tuple[Array, list[Remark]]:
-    """Standard error over the light of each reading, from the table, from repeats, or assumed; and what was
-    assumed."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        stated = np.abs(table.stderr * slope / light)
-    missing = ~(np.isfinite(stated) & (table.stderr > 0))
-    if not missing.any():
-        return stated, []
-    _, label, count = np.unique(2 * group + air, return_inverse=True, return_counts=True)
-    label = label.ravel()
-    mean = np.bincount(label, light) / count
-    squared = np.bincount(label, (light - mean[label]) ** 2)
-    # What lies within its own scatter around nothing has no relative error: an absolute one, of all such.
-    dark = mean**2 * count * (count - 1) < _FAINT_SIGMA**2 * squared
-    free = np.where(dark, 0, count - 1)
-    if count.max() >= _FEWEST_REPEATS and free.sum() > 0:
-        scatter = float(np.sqrt((squared[~dark] / mean[~dark] ** 2).sum() / free.sum()))
-        studied = Studied.STDERR_FROM_REPEATS
-    else:
-        scatter, studied = ASSUMED_RELATIVE, Studied.STDERR_ASSUMED
-    error = np.full(len(light), scatter)
-    if dark.any():
-        absolute = np.sqrt(squared[dark].sum() / (count - 1)[dark].sum())
-        with np.errstate(divide="ignore"):
-            error = np.where(dark[label], absolute / np.abs(light), scatter)
-    note = Remark(studied, int(missing.sum()), percent=100 * scatter)
-    return np.where(missing, error, stated), [note]
-
-
-def _means(
-    light: Array,
-    relative: Array,
-    chosen: NDArray[np.bool_],
-    place: NDArray[np.int_],
-    colour: NDArray[np.int_],
-    shape: tuple[int, int],
-) -> tuple[Array, Array]:
-    """Mean of the repeats of every place and colour, and its standard error; NaN where there are none."""
-    flat, size = (place * shape[1] + colour)[chosen], shape[0] * shape[1]
-    count = np.bincount(flat, minlength=size)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.bincount(flat, light[chosen], size) / count
-        error = np.sqrt(np.bincount(flat, (relative * light)[chosen] ** 2, size)) / count
-    return mean.reshape(shape), error.reshape(shape)
 
 
 def _enough(found: Ratios, where: str | None) -> Ratios:

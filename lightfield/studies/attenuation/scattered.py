@@ -12,9 +12,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import Design, JointEstimate, misfit_factor, misfit_p
@@ -71,7 +70,7 @@ class Scattered:
     b: Array
     a_stderr: Array
     b_stderr: Array
-    told: NDArray[np.bool_]
+    told: Mask
     kappa: Array
     combined: Array
     combined_stderr: Array
@@ -193,7 +192,7 @@ def scene_says(apparent: Apparent, excess: Excess) -> Array:
 
 def _fitted(
     apparent: Sequence[Apparent], stack: Stack, valley: Valley
-) -> tuple[JointEstimate, Array, Array, NDArray[np.bool_]]:
+) -> tuple[JointEstimate, Array, Array, Mask]:
     """Parameters (gains, a, b) of every colour, a, b, and where b was free.
 
     Where the layout does not tell b, it is held, and its column says what it would have been worth there. A
@@ -212,9 +211,7 @@ def _fitted(
         free = told.copy()
 
 
-def _absorption(
-    stack: Stack, a: Array, b: Array, told: NDArray[np.bool_]
-) -> tuple[JointEstimate, Array, Array]:
+def _absorption(stack: Stack, a: Array, b: Array, told: Mask) -> tuple[JointEstimate, Array, Array]:
     """Gauss-Newton in a, and in b where it is told; a last row of every colour says how wide its range is.
 
     A step after which chi-square is larger is halved: light that bends the readings' line makes it too far.
@@ -244,9 +241,7 @@ def _absorption(
     return estimate, *best
 
 
-def _step(
-    design: Design, values: Array, b: Array, told: NDArray[np.bool_], largest: float
-) -> tuple[Array, Array]:
+def _step(design: Design, values: Array, b: Array, told: Mask, largest: float) -> tuple[Array, Array]:
     """Where the last two parameters of every colour, a and b, go.
 
     b goes up to an end of its range, or nowhere if it is not told; with b held there all else goes where

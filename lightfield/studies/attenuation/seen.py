@@ -11,9 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.readings import Readings
 from lightfield.readings.unchecked import bands_of
 from lightfield.scene import Scene
@@ -42,7 +41,7 @@ class Seen:
     share: Array
     width_nm: Array
 
-    def of(self, colours: NDArray[np.bool_]) -> Seen:
+    def of(self, colours: Mask) -> Seen:
         """Of some of the colours."""
         return Seen(self.wavelength_nm[colours], self.share[colours], self.width_nm[colours])
 

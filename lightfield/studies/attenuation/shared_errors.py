@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.quoted import OWN_PART
 from lightfield.formula.closed_form import direct_field
@@ -45,15 +45,21 @@ def of_places(together: Sequence[tuple[Array, Array]]) -> Array:
 def sideways(
     lossless: Scene,
     table: Readings,
-    air: NDArray[np.bool_],
+    media: Sequence[Mask],
     places: Array,
     place: NDArray[np.int_],
     position_m: float,
-    in_air: bool,
 ) -> Array:
     """Error of ln(water / air) of a receiver that stands beside its place across the beam, shape (n_places,).
 
     The light's slope there is that of the scene's beam; every visit stands anew.
+
+    Parameters
+    ----------
+    media : sequence of array of bool, shape (n,)
+        Readings in water, and those in air where they are divided by these.
+    place : array of int, shape (n,)
+        Which of the places each reading is of.
     """
     if position_m == 0:
         return np.zeros(len(places))
@@ -63,7 +69,7 @@ def sideways(
             right, left = (direct_field(lossless, *(places + sign * np.array(step)).T) for sign in (1, -1))
             squared += np.nan_to_num(np.log(right / left) / 2, posinf=0.0, neginf=0.0) ** 2
     variance, visit = np.zeros(len(places)), layout_of(table).visit
-    for medium in [air, ~air] if in_air else [~air]:
+    for medium in media:
         stood = np.unique(np.stack([place[medium], visit[medium]]), axis=1)[0]
         variance += squared / np.maximum(np.bincount(stood, minlength=len(places)), 1)
     return np.sqrt(variance)
@@ -71,11 +77,10 @@ def sideways(
 
 def stay_variance(
     table: Readings,
-    air: NDArray[np.bool_],
+    media: Sequence[Mask],
     distances: Array,
     gain: float,
     position_m: float,
-    in_air: bool,
     behind_m: float,
     falls_per_m: float,
 ) -> Array:
@@ -83,6 +88,8 @@ def stay_variance(
 
     Parameters
     ----------
+    media : sequence of array of bool, shape (n,)
+        As of `sideways`.
     behind_m : float, m
         From the window back to where the light seems to come from.
     falls_per_m : float, 1/m
@@ -92,7 +99,7 @@ def stay_variance(
     variance = np.zeros(len(distances))
     for k, distance in enumerate(distances):
         spread = 2.0 / (distance + behind_m)  # the slope of an inverse square
-        for medium, slope in ((air, spread), (~air, spread + falls_per_m))[0 if in_air else 1 :]:
+        for medium, slope in zip(media, (spread + falls_per_m, spread), strict=False):
             visits = len(np.unique(visit[medium & (z == distance)]))
             variance[k] += (gain**2 + (slope * position_m) ** 2) / max(visits, 1)
     return variance

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.studies.attenuation.stack import Stack
 
 #: Values of b that are tried, and parts of the way from one to the next that are told between them.
@@ -39,7 +38,7 @@ class Valley:
     chi2: Array
 
     @cached_property
-    def _within(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def _within(self) -> tuple[Mask, Mask]:
         """Which b are within one standard error of the best, and within two."""
         above = self.chi2 - self.chi2.min(axis=0)
         return above <= 1.0, above <= 4.0
@@ -51,7 +50,7 @@ class Valley:
         best = self.a[at, np.arange(len(at))], self.b[at]
         return self.reach_from(*best, np.zeros(len(at)))[1]
 
-    def start(self, guess: Array, told: NDArray[np.bool_]) -> tuple[Array, Array]:
+    def start(self, guess: Array, told: Mask) -> tuple[Array, Array]:
         """a and b where chi-square is least; where b is not told, as near to a guess as it is good.
 
         Parameters

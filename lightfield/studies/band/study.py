@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import SceneError, UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.render.at_readings import render_positions
@@ -209,17 +209,7 @@ def best_band(
     """
     read = scene.detector.distances_m
     z = np.unique(np.asarray(distances_m or (read[0], read[-1]), float))
-    if not ((z > 0) & (z <= FARTHEST_M)).all():
-        raise UsageError(
-            "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"
-        )
-    if not (0 < low_nm < high_nm < np.inf and _STEP_NM <= width_nm <= high_nm - low_nm):
-        raise UsageError(
-            "impossible bands", where="width and range of the bands",
-            found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
-            rule=f"at least {_STEP_NM:g} nm wide, and no wider than the range they lie in",
-            remedy="change the width, or the range",
-        )  # fmt: skip
+    _check(z, width_nm, low_nm, high_nm)
     own = scene.detector.bands_nm[0]
     first, last = min(low_nm, own[0]), max(high_nm, own[1])
     # At whole steps, where tables of water have their rows.
@@ -260,6 +250,21 @@ def best_band(
     return Bands(spectrum, bands.isel(low_nm=slice(-1)), tuple(_best(bands, width_nm)), width_nm, scene)
 
 
+def _check(z: Array, width_nm: float, low_nm: float, high_nm: float) -> None:
+    """Refuse distances and bands that cannot be asked about."""
+    if not ((z > 0) & (z <= FARTHEST_M)).all():
+        raise UsageError(
+            "impossible distances", found=z.tolist(), rule=f"above 0 m, at most {FARTHEST_M:g} m"
+        )
+    if not (0 < low_nm < high_nm < np.inf and _STEP_NM <= width_nm <= high_nm - low_nm):
+        raise UsageError(
+            "impossible bands", where="width and range of the bands",
+            found=f"{width_nm:g} nm wide between {low_nm:g} and {high_nm:g} nm",
+            rule=f"at least {_STEP_NM:g} nm wide, and no wider than the range they lie in",
+            remedy="change the width, or the range",
+        )  # fmt: skip
+
+
 def _transmitted(
     scene: Scene, traced: bool, z: Array, at: Array, tracing: CachedTracing
 ) -> tuple[Array, Array, Array]:
@@ -283,9 +288,9 @@ def _transmitted(
     else:
         light = np.array([direct_field(scene, x, y, places, np.full(len(x), w)) for w in at]).T
         error = np.zeros_like(light)
-    ln = np.log(np.maximum(light, 1e-300)) + 2 * np.log(places)[:, None]
+    ln = np.log(np.maximum(light, TINY)) + 2 * np.log(places)[:, None]
     near, _, far = np.split(ln, 3)
-    first, _, last = np.split(error / np.maximum(light, 1e-300), 3)
+    first, _, last = np.split(error / np.maximum(light, TINY), 3)
     width = (2 * step * z)[:, None]
     return np.split(light, 3)[1], (near - far) / width, np.hypot(first, last) / width
 

@@ -126,16 +126,17 @@ class PlaneComparison:
         formula, render = (smoothed(v, width_cells, 6.0) for v in (self.formula, self.render))
         return render, np.sqrt(narrow) / weight, formula
 
-    def told_on_axis(self, level: float) -> int:
-        """How the error on the lamp's axis stands to a level, see `standing`; where that is open, how its
-        average over neighbouring cells does."""
-        there = int(standing(self.axis.render, self.axis.stderr, self.axis.formula, level)[0])
+    @property
+    def told_on_axis(self) -> int:
+        """How the error on the lamp's axis stands to the lower level, see `standing`; where that is open, how
+        its average over neighbouring cells does."""
+        there = int(standing(self.axis.render, self.axis.stderr, self.axis.formula, ERROR_LEVELS[0])[0])
         if there != OPEN:
             return there
         x, y = self.axis_m
         at = np.argmin(np.abs(self.y_m - y)), np.argmin(np.abs(self.x_m - x))
         render, stderr, formula = (np.atleast_1d(v[at]) for v in self._smooth())
-        return int(standing(render, stderr, formula, level)[0])
+        return int(standing(render, stderr, formula, ERROR_LEVELS[0])[0])
 
     def within(self, level: float) -> Within:
         """Up to where every ring is within a relative error."""
@@ -359,7 +360,7 @@ def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
         return "the lamp's axis meets none of the planes"
     if len(met) < len(lit):
         lit, every = met, "every plane that the lamp's axis meets"
-    states = [plane.told_on_axis(ERROR_LEVELS[0]) for plane in lit]
+    states = [plane.told_on_axis for plane in lit]
 
     def at(state: int) -> str:
         return ", ".join(f"{plane.z_m:g}" for plane, its in zip(lit, states, strict=True) if its == state)

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lightfield.arrays import Array
+from lightfield.arrays import Array, Mask
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.verdict.ladder import bright
 from lightfield.readings.columns import LINE_DECIMALS
@@ -86,9 +85,9 @@ def _where(problem: Problem, per_cent: Array, in_sigma: Array) -> dict[str, list
     return out
 
 
-def _groups(problem: Problem) -> dict[str, list[tuple[str, NDArray[np.bool_]]]]:
+def _groups(problem: Problem) -> dict[str, list[tuple[str, Mask]]]:
     layout = problem.layout
-    out: dict[str, list[tuple[str, NDArray[np.bool_]]]] = {}
+    out: dict[str, list[tuple[str, Mask]]] = {}
     planes = sorted(set(zip(layout.air, np.round(layout.z_m, LINE_DECIMALS), strict=True)))
     mixed = bool(layout.air.any() and not layout.air.all())
     if len(planes) > MOST_PLANES:  # single places: a table of each would say nothing

@@ -237,17 +237,12 @@ class ArrayModel:
         found = self._by_pose_in([s.light for s in sides], at, names, tilts)
         return np.ascontiguousarray(np.moveaxis(_slopes_between(sides, found), 0, 2))
 
-    def by_pose(self, poses: Array, names: Sequence[str], lamp_tilts: Array | None = None) -> Array:
+    def by_pose(self, poses: Array, names: Sequence[str]) -> Array:
         """Derivatives by coordinates of the pose, shape (m, n_elements, len(names)).
 
         A place turns with its element's arm, the reading with the place and with the normal.
-
-        Parameters
-        ----------
-        lamp_tilts : array, shape (m, 2), rad, optional
-            As of `readings`.
         """
-        return self._by_pose_in([self.light], poses, names, lamp_tilts)
+        return self._by_pose_in([self.light], poses, names, None)
 
     def _read_in(self, lights: Sequence[Light], poses: Array, lamp_tilts: Array | None) -> Array:
         """`readings` in several lights, of as many poses each, one after the other."""

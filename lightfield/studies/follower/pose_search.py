@@ -31,7 +31,7 @@ LONGEST_STEP = 0.5
 #: Where it ends the readings say (chosen).
 FEW_STEPS = 3
 #: Least curvature of a coordinate, in the units of `information`: keeps dark starts from dividing by nothing.
-TINY = 1e-30
+_LEAST_CURVATURE = 1e-30
 #: Angles, rad, up to which the follower may be turned (chosen: 35 degrees, beyond it loses sight of the
 #: lamp).
 MOST_TURNED = 0.6
@@ -219,15 +219,7 @@ def find_minima(
             drawn, at_now = np.einsum("sni,sn->si", j, r[going])[:, : len(at)], poses[going][:, at]
             out = (at_now <= box[0][at]) & (drawn < 0) | (at_now >= box[1][at]) & (drawn > 0)
             j[:, :, : len(at)] *= ~out[:, None, :]
-        curvature = np.swapaxes(j, 1, 2) @ j
-        diagonal = np.maximum(np.einsum("sii->si", curvature), TINY)
-        damped = curvature + np.einsum("s,si,ij->sij", damping[going], diagonal, np.eye(diagonal.shape[1]))
-        # Scaled to a unit diagonal: coordinates differ by orders of magnitude.
-        scale = 1 / np.sqrt(diagonal)
-        right = np.einsum("sni,sn->si", j, r[going]) * scale
-        step = (
-            scale * np.linalg.solve(damped * scale[:, :, None] * scale[:, None, :], right[..., None])[..., 0]
-        )
+        step = _damped_step(j, r[going], damping[going])
         tried = poses[going].copy()
         tried[:, at] += step[:, : len(at)]
         tried[:, POSE.index("roll")] = wrapped(tried[:, POSE.index("roll")])
@@ -235,22 +227,33 @@ def find_minima(
         if box is not None:
             tried = np.clip(tried, *box)
         new_r, new_read, new_by = residual(tried, tried_unknown, going)
-        new = (new_r**2).sum(axis=1)
-        index = np.flatnonzero(going)
-        better = new < chi2[index]
+        new, index = (new_r**2).sum(axis=1), np.flatnonzero(going)
         gained = chi2[index] - new
+        better = gained > 0
         up = index[better]
         poses[up], unknown[up] = tried[better], tried_unknown[better]
         r[up], chi2[up] = new_r[better], new[better]
         read[up], by[up] = new_read[better], new_by[better]
         stale[:] = False
         stale[up] = True
-        damping[index] = np.where(better, damping[index] * _EASED, damping[index] * _STIFFENED)
+        damping[index] *= np.where(better, _EASED, _STIFFENED)
         ended = (better & (gained < _LITTLE * np.maximum(1.0, new))) | (damping[index] > _STIFFEST)
         going[index[ended]] = False
         if not going.any():
             break
     return Minima(poses, light.gains(unknown), chi2, unknown)
+
+
+def _damped_step(slopes: Array, residual: Array, damping: Array) -> Array:
+    """Steps of all starts, shape (s, k), by slopes and residuals, (s, m, k) and (s, m)."""
+    curvature = np.swapaxes(slopes, 1, 2) @ slopes
+    diagonal = np.maximum(np.einsum("sii->si", curvature), _LEAST_CURVATURE)
+    damped = curvature + np.einsum("s,si,ij->sij", damping, diagonal, np.eye(diagonal.shape[1]))
+    # Scaled to a unit diagonal: coordinates differ by orders of magnitude.
+    scale = 1 / np.sqrt(diagonal)
+    right = np.einsum("sni,sn->si", slopes, residual) * scale
+    solved = np.linalg.solve(damped * scale[:, :, None] * scale[:, None, :], right[..., None])
+    return np.asarray(scale * solved[..., 0])
 
 
 def of_logarithms(slopes: Array, readings: Array) -> Array:

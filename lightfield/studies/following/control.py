@@ -1,8 +1,7 @@
 """Three laws that bring a vehicle to where it should be: PID, sliding mode, LQR.
 
 Each sees errors (where to, less where) and velocities along surge, sway, heave and yaw, and answers with
-forces. They
-take the four as if they were apart, which a small vehicle at low speed nearly is.
+forces. They take the four as if they were apart, which a small vehicle at low speed nearly is.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The closed loop: light, array, estimate, law, thrusters, vehicle, and light again.
 
 All runs go side by side; they differ in their noise and in what the follower does not know exactly. The lamp
-keeps its
-heading. Frames: `studies.follower.frames`; the vehicle moves in its own (north away from it is -z of the
-tank).
+keeps its heading. Frames: `studies.follower.frames`; the vehicle moves in its own (north away from it is -z
+of the tank).
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from lightfield.scene.follower import Mission
 from lightfield.studies.follower.array_light import Light, Space, pose_names
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.elements import Elements
-from lightfield.studies.follower.frames import AXES, POSE, pose_of, rotations, wrapped
+from lightfield.studies.follower.frames import AXES, pose_of, rotations, wrapped
 from lightfield.studies.follower.information import nuisances_of
-from lightfield.studies.follower.survey import DOCKING
+from lightfield.studies.follower.survey import DOCKING, array_of
 from lightfield.studies.following.control import Law, law_of
 from lightfield.studies.following.leader import way_of
 from lightfield.studies.following.observer import Observer
@@ -99,22 +98,13 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     runs : int
         Side by side.
     """
-    array, follower = scene.array, scene.follower_here
-    assert array is not None
+    array, follower = array_of(scene), scene.follower_here
     mission, rng, noise = follower.mission, np.random.default_rng(seed), SensorNoise.of_scene(scene)
     truth = Truth.of(scene, light, elements, runs, rng)
-    model, knows_gain = belief_of(mission.believes, light.in_water_of(scene), elements, mission.standoff_m)
-    # Who believes the formula takes every reading by itself, as the follower of Eren (2015) did.
-    learns = mission.believes == "field"
-    gain = PERCENT * array.gain_drift_percent if knows_gain else np.inf
-    unknown = nuisances_of(scene) if learns else {"gain": gain} if gain else {}
-    names = tuple(
-        n for n in pose_names(scene) if mission.degrees_of_freedom == 6 or n not in ("pitch", "roll")
-    )
-    space = space_of_mission(scene)
-    observer = Observer(model, noise, names, space, unknown, runs, learns=learns)
-    whole = VEHICLES[mission.vehicle]
-    vehicle = whole if mission.degrees_of_freedom == 6 else replace(whole, free=STEERED)
+    observer, space = _observer(scene, light, elements, runs), space_of_mission(scene)
+    vehicle = VEHICLES[mission.vehicle]
+    if mission.degrees_of_freedom == 4:
+        vehicle = replace(vehicle, free=STEERED)
     pilot = _Pilot(mission, law_of(mission.law, vehicle), vehicle, runs)
     seconds = 1 / array.sample_hz
     steps = int(np.ceil(seconds / _STEP_S))
@@ -131,23 +121,19 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
         speed = np.linalg.norm(pose[:, :3] - before[:, :3], axis=1) / seconds if k else np.zeros(runs)
         if mission.task == "dock":
             going &= ~_touched(mission, pose, speed, time, contact)
-        dark = mission.dark_from_s <= time < mission.dark_from_s + mission.dark_for_s
-        turbid = float(np.clip((time - mission.turbid_from_s) / mission.turbid_for_s, 0.0, 1.0))
-        clean = truth.readings(pose, turbid) * (not dark)
+        clean = truth.readings(pose, _turbid(mission, time)) * (not _is_dark(mission, time))
         # The mismatch of the elements is drawn once, not with every reading.
         variance = noise.variance(clean) - (noise.mismatch * clean) ** 2
         observer.update(clean + np.sqrt(variance) * rng.standard_normal(clean.shape), seconds if k else 0.0)
         told = observer.filter
         force = pilot.force(told.poses, told.rates, seconds, observer.lit & told.known)
-        sigma = np.zeros((runs, len(POSE)))
-        sigma[:, told.at] = np.sqrt(np.einsum("sii->si", told.covariance)[:, : len(told.at)])
         now = {
             "time_s": np.array(time),
             "leader_m": lamp,
             "pose": pose,
             "estimate": np.where(told.known[:, None], told.poses, np.nan),
             "speed": speed,
-            "sigma": sigma,
+            "sigma": told.sigmas,
             "force": force,
             "brightest": clean.max(axis=1),
             "lit": observer.lit,
@@ -164,6 +150,30 @@ def run_loop(scene: Scene, light: Light, elements: Elements, *, runs: int, seed:
     kept["contact"] = list(contact)
     columns: dict[str, Any] = {name: np.array(values) for name, values in kept.items()}
     return Track(**columns)
+
+
+def _observer(scene: Scene, light: Light, elements: Elements, runs: int) -> Observer:
+    """What the followers of a mission take their poses for, by what they believe.
+
+    Who believes the formula takes every reading by itself, as the follower of Eren (2015) did.
+    """
+    mission, learns = scene.follower_here.mission, scene.follower_here.mission.believes == "field"
+    model, knows_gain = belief_of(mission.believes, light.in_water_of(scene), elements, mission.standoff_m)
+    gain = PERCENT * array_of(scene).gain_drift_percent if knows_gain else np.inf
+    unknown = nuisances_of(scene) if learns else {"gain": gain} if gain else {}
+    held = ("pitch", "roll") if mission.degrees_of_freedom == 4 else ()
+    names = [name for name in pose_names(scene) if name not in held]
+    noise, space = SensorNoise.of_scene(scene), space_of_mission(scene)
+    return Observer(model, noise, names, space, unknown, runs, learns=learns)
+
+
+def _is_dark(mission: Mission, time_s: float) -> bool:
+    return mission.dark_from_s <= time_s < mission.dark_from_s + mission.dark_for_s
+
+
+def _turbid(mission: Mission, time_s: float) -> float:
+    """How far the water is on its way from clear, 0, to turbid, 1."""
+    return float(np.clip((time_s - mission.turbid_from_s) / mission.turbid_for_s, 0.0, 1.0))
 
 
 @dataclass

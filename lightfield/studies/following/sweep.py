@@ -28,6 +28,7 @@ from lightfield.sweep.axes import Axis
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
 from lightfield.sweep.schema import (
+    LONGEST_MESSAGE,
     SweepKind,
     axes_as_plain,
     axis_coordinates,
@@ -146,7 +147,7 @@ def do_block(block: Block, cases: Cases, trace_of_case: Sequence[int], target: F
         except (BackendError, OutputError):
             raise  # of the machine: no answer about the case
         except LightfieldError as error:
-            failed[number] = one_line(error)[:240]
+            failed[number] = one_line(error)[:LONGEST_MESSAGE]
             continue
         for name, one in spreads_of(found.cases[0].runs).items():
             for suffix, value in zip(_KEPT, (one.mean, one.error), strict=True):

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import PchipInterpolator
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import UsageError
 from lightfield.formula.closed_form import direct_field
 from lightfield.formula.own_formulas import lit
@@ -130,7 +130,7 @@ def along_axis(
     if colours.water_of(water)[1] > 0:
         late = _late_light(water, colours, nodes_m, receiver, tracing)
         near = colours.direct(water, x[: len(nodes_m)], y[: len(nodes_m)], nodes_m)
-        ln = PchipInterpolator(nodes_m, np.log(np.maximum(late.diffuse, 1e-300) / near))
+        ln = PchipInterpolator(nodes_m, np.log(np.maximum(late.diffuse, TINY) / near))
         ratio = np.exp(ln(z_m))
         error = np.exp(np.interp(z_m, nodes_m, np.log(np.maximum(late.relative_error, 1e-6))))
         # Light of a few photons has the paths of these few.
@@ -197,7 +197,7 @@ def _late_light(
     rows = response.row_weights(Waters(a_k, b_k, 0 * a_k, 0 * a_k))[:, late]
     straight = np.exp(np.outer(a + b - a_k - b_k, response.straight_m.ravel()[shift.cell]))
     tally *= np.einsum("k,kr,kn->rn", colours.share, rows, straight)
-    tally *= diffuse / np.maximum(tally.mean(axis=0).sum(axis=0), 1e-300)
+    tally *= diffuse / np.maximum(tally.mean(axis=0).sum(axis=0), TINY)
     excess, of = np.unique(response.excess_m[late], return_inverse=True)
     which = (of[:, None] == np.arange(len(excess))).astype(float)  # [rows, steps]
     by_path = np.stack([which.T @ part for part in tally])

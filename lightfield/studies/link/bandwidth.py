@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from lightfield.arrays import Array, jackknife_stderr
+from lightfield.arrays import TINY, Array, jackknife_stderr
 
 #: Speed of light in m/s (exact in the SI).
 LIGHT_M_PER_S = 299792458.0
@@ -80,7 +80,7 @@ def coarser(by_path: Array, excess_m: Array) -> tuple[Array, Array]:
 def _three_db(direct: Array, by_path: Array, excess_m: Array) -> Array:
     """Frequency at which every place's transfer first falls below half power, Hz, shape (n,)."""
     turn = np.exp(-2j * np.pi * np.outer(_FREQUENCIES, excess_m * GROUP_INDEX / LIGHT_M_PER_S))
-    transfer = np.abs(direct + turn @ by_path) / np.maximum(direct + by_path.sum(axis=0), 1e-300)
+    transfer = np.abs(direct + turn @ by_path) / np.maximum(direct + by_path.sum(axis=0), TINY)
     # At frequencies that the steps do not resolve they must not make a limit where there is none.
     limited = direct < HALF_POWER * (direct + by_path.sum(axis=0))
     found = [_first_below(c) if ends else np.inf for c, ends in zip(transfer.T, limited, strict=True)]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import UsageError
 from lightfield.formula.closed_form import refuse_pencil
 from lightfield.formula.own_formulas import lit
@@ -195,7 +195,7 @@ def _reach(data: xr.Dataset, receiver: Receiver, docking: Reach) -> Reaches:
     need, relative = receiver.needed_q, data.power_stderr_w.values / power
 
     def last(ratio: Array) -> float:
-        return last_place(partial(np.interp, xp=z, fp=np.log(np.maximum(ratio, 1e-300))), 0.0, z)
+        return last_place(partial(np.interp, xp=z, fp=np.log(np.maximum(ratio, TINY))), 0.0, z)
 
     data_m, seen_m = last(receiver.q(power) / need), last(receiver.seen_snr(power) / SEEN_SNR)
     slope = np.abs(np.gradient(np.log(power), z))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.interpolate import RectBivariateSpline
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.studies.light_at import LightAt
 
 #: Radii at which light is asked for, in widths of the field.
@@ -25,8 +25,6 @@ _TOLD = 0.5
 #: Beside a beam that ends steeply all is scattered, and no factor on direct light: from this part of that on
 #: the axis on. A Gaussian has six times as much at the last radius. Chosen.
 _BESIDE = 0.01
-#: No light, for logarithms.
-DARK = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +61,7 @@ class SmoothField:
         """Radius at which half of the brightest light on the plane is left, m; NaN beyond the last one."""
         there = np.linspace(0, RADII[-1], _SCAN) ** 2
         at = np.full(len(there), z_m)
-        log = np.log(np.maximum(self.at(there * (self.width(at) * z_m) ** 2, at), DARK))
+        log = np.log(np.maximum(self.at(there * (self.width(at) * z_m) ** 2, at), TINY))
         brightest = int(log.argmax())
         fall = log[brightest] - log[brightest:]
         below = np.flatnonzero(fall > np.log(2))
@@ -100,6 +98,6 @@ def smooth_excess(light: LightAt, z: Array, radius: Array) -> Array:
     lit_up = (rows > _BESIDE * rows[:, :1]).ravel()
     error = np.linalg.norm(light.modes, axis=1) / np.where(lit_up, light.total, 1.0)
     weight = np.where(lit_up, 1.0 / np.maximum(error, _LEAST_ERROR), 0.0)
-    excess = np.where(lit_up, np.log(np.maximum(light.total, DARK) / np.maximum(light.direct, DARK)), 0.0)
+    excess = np.where(lit_up, np.log(np.maximum(light.total, TINY) / np.maximum(light.direct, TINY)), 0.0)
     coefficients = np.linalg.lstsq(weight[:, None] * terms, weight * excess, rcond=None)[0]
     return np.asarray(terms @ coefficients)

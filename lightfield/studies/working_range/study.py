@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 from scipy.interpolate import CubicSpline
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.errors import MeasurementError, SceneError, UsageError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.formula.own_formulas import lit
@@ -31,7 +31,7 @@ from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.scene.parameters import told
 from lightfield.studies import defaults
 from lightfield.studies.light_at import FARTHEST_M, LightAt, light_at, refuse_dark
-from lightfield.studies.working_range.around_axis import DARK, RADII, SmoothField, smooth_excess, told_to_m
+from lightfield.studies.working_range.around_axis import RADII, SmoothField, smooth_excess, told_to_m
 from lightfield.studies.working_range.poses import known_poses, sides_met_m
 from lightfield.studies.working_range.reaches import (
     POSES,
@@ -152,12 +152,9 @@ def working_range(
     _check(share=(share, 0.0, 1.0), noise=(noise, 0.0, 1.0), snr=(snr, 0.0, 1e9))
     check_photons(photons)
     first, last, end = _ends(scene, to_m)
-    nodes, asked = _steps(first, last, _DISTANCES), last
     with step(0, 2, "light"):
-        field, light = _field(scene, trace, nodes)
-        if (told_to := told_to_m(light, nodes)) < last:
-            last, nodes = told_to, _steps(first, told_to, _DISTANCES)
-            field, light = _field(scene, trace, nodes)
+        nodes, field, light = _as_far_as_told(scene, trace, first, last)
+    asked, last = last, float(nodes[-1])
     z = np.unique(np.concatenate([_steps(first, last, _SHOWN), _read(scene, last)]))
     plain, _ = _field(scene, None, nodes)
     # A spot lies about the beam's own axis.
@@ -213,6 +210,18 @@ def _reaches(data: xr.Dataset, fine: Array, share: float, noise: float, snr: flo
     return (*rules, *pose_reaches(data, fine))
 
 
+def _as_far_as_told(
+    scene: Scene, trace: DiffuseSource | None, first: float, last: float
+) -> tuple[Array, SmoothField, LightAt]:
+    """Distances up to where the photons tell the light, m, and the light there as `_field` has it."""
+    nodes = _steps(first, last, _DISTANCES)
+    field, light = _field(scene, trace, nodes)
+    if (told_to := told_to_m(light, nodes)) < last:
+        nodes = _steps(first, told_to, _DISTANCES)
+        field, light = _field(scene, trace, nodes)
+    return nodes, field, light
+
+
 def _field(
     scene: Scene, trace: DiffuseSource | None, z: Array, about: AxisPlaces | None = None
 ) -> tuple[SmoothField, LightAt]:
@@ -260,7 +269,7 @@ def _half_error(light: LightAt, field: SmoothField, z: Array) -> Array:
         nearest = int(np.argmin(np.abs(RADII * field.width(z)[k] * z[k] - half[k])))
         error = float(np.linalg.norm(modes[k, nearest] - modes[k, brightest[k]]))
         r = half[k] + np.array([-_STEP_M, _STEP_M])
-        low, high = np.log(np.maximum(field.at(r**2, np.full(2, z[k])), DARK))
+        low, high = np.log(np.maximum(field.at(r**2, np.full(2, z[k])), TINY))
         found[k] = error * 2 * _STEP_M / abs(high - low)
     return found
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 
 _SMALLEST_RAD = 1e-7
 GAUSS_X, GAUSS_W = np.polynomial.legendre.leggauss(8)
@@ -49,7 +49,7 @@ class PhaseFunction(ABC):
         known, psi = self._inverse()
         # Below the first node the distribution is a power of the angle.
         power = math.log(psi[1] / psi[0]) / math.log(known[1] / known[0])
-        below = psi[0] * np.power(np.maximum(u, 1e-300) / known[0], power)
+        below = psi[0] * np.power(np.maximum(u, TINY) / known[0], power)
         return np.cos(np.where(u < known[0], below, np.interp(u, known, psi)))
 
     def inverse_cdf_table(self) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from lightfield.arrays import Array
+from lightfield.arrays import TINY, Array
 from lightfield.scene.water.phase.function import FOUR_PI, PhaseFunction
 
 
@@ -70,7 +70,7 @@ class TwoTermHenyeyGreensteinPhase(PhaseFunction):
         """Chooses a term with `u`, then reuses what is left of `u`: exact, but not monotone in u."""
         u, alpha = np.asarray(u, dtype=float), self.alpha
         in_first = u < alpha
-        left = np.where(in_first, u / max(alpha, 1e-300), (u - alpha) / max(1 - alpha, 1e-300))
+        left = np.where(in_first, u / max(alpha, TINY), (u - alpha) / max(1 - alpha, TINY))
         left = np.clip(left, 0.0, 1.0)
         return np.where(in_first, self.first.sample(left), self.second.sample(left))
 

@@ -21,7 +21,7 @@ from lightfield.decompositions import eigen
 from lightfield.studies.follower.array_light import LAMP_TILTS, ArrayModel
 from lightfield.studies.follower.frames import POSE, wrapped
 from lightfield.studies.follower.information import LEAST_INFORMATION
-from lightfield.studies.follower.pose_search import LONGEST_STEP, of_logarithms
+from lightfield.studies.follower.pose_search import LONGEST_STEP, WithUnknowns, gain_first
 
 #: Draws of a round, and rounds at most; so many that count alike are enough: errors to some 7 %. Chosen.
 _DRAWS, _ROUNDS, _ENOUGH = 600, 3, 100.0
@@ -80,11 +80,6 @@ class Reading:
     @property
     def _rolls(self) -> Mask:
         return np.array([name == "roll" for name in self.names])
-
-    @property
-    def _unknown(self) -> dict[str, float]:
-        """The nuisances, the gain first."""
-        return dict(sorted(self.nuisances.items(), key=lambda one: one[0] != "gain"))
 
     @property
     def room(self) -> Array:
@@ -176,10 +171,8 @@ class Reading:
 
     def _by_nuisances(self, poses: Array) -> Array:
         """Slopes of the logarithms of readings by what is not known, shape (m, n_elements, k)."""
-        others = [name for name in self._unknown if name != "gain"]
-        by = of_logarithms(self.model.by_nuisances(poses, others), self.model.readings(poses))
-        gain = np.ones((*by.shape[:2], len(self._unknown) - len(others)))
-        return np.concatenate([gain, by], axis=2)
+        light = WithUnknowns(self.model, tuple(self.names), gain_first(self.nuisances))
+        return light.read(poses, np.zeros((len(poses), len(self.nuisances))))[1]
 
     def _log_likelihood(self, drawn: Array, best: Array, by: Array) -> Array:
         """Of poses, but for a constant, over all that is not known besides, shape (s,).
@@ -192,7 +185,7 @@ class Reading:
         poses = np.tile(best, (len(drawn), 1))
         poses[:, self.at] = np.where(self._rolls, wrapped(drawn), drawn)
         believed = self.model.readings(np.clip(poses, *self.box))
-        stated = np.array([float(sigma) ** -2.0 for sigma in self._unknown.values()])
+        stated = np.array([float(self.nuisances[name]) ** -2.0 for name in gain_first(self.nuisances)])
         prior = np.maximum(stated, LEAST_INFORMATION)
         unknown = np.zeros((len(drawn), len(prior)))
         weight = 1 / self.variance

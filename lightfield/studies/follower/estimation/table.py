@@ -69,26 +69,8 @@ def _samples(
     rate_hz: float,
     where: str,
 ) -> Samples:
-    wanted = [f"e{k + 1}" for k in range(elements)]
-    missing = [name for name in wanted if name not in header]
-    if missing or len(set(header)) < len(header):
-        raise MeasurementError(
-            f"column {missing[0]} is missing" if missing else "a column stands there twice",
-            where=where,
-            found=",".join(header)[:80],
-            rule=f"one column per element, e1 to e{elements}, and {_TIME} if it is known",
-            remedy="name the columns in the first line, in the order of the array's elements: column by "
-            "column in a grid, from the least x and y; ring by ring outwards; line by line of a table",
-        )
-    if unknown := [name for name in header if name not in {_TIME, *wanted} and _LIKE_ONE.fullmatch(name)]:
-        raise MeasurementError(
-            f"column {unknown[0]} is not one of this array's, or of times",
-            where=where,
-            found=",".join(unknown)[:80],
-            rule=f"one column per element, e1 to e{elements}, and {_TIME} (seconds) if it is known",
-            remedy=f"a scene whose array has these; call times in seconds {_TIME}; leave out the rest",
-        )
-    timed = _TIME in header
+    wanted, timed = [f"e{k + 1}" for k in range(elements)], _TIME in header
+    _check_header(header, wanted, where)
     columns = [header.index(name) for name in ([_TIME] if timed else []) + wanted]
     problems: list[Complaint] = []
     values: list[list[float]] = []
@@ -117,3 +99,25 @@ def _samples(
     if timed:
         return Samples(found[:, 0], found[:, 1:])
     return Samples(np.arange(len(found)) / rate_hz, found)
+
+
+def _check_header(header: Sequence[str], wanted: Sequence[str], where: str) -> None:
+    missing = [name for name in wanted if name not in header]
+    columns = f"one column per element, e1 to {wanted[-1]}"
+    if missing or len(set(header)) < len(header):
+        raise MeasurementError(
+            f"column {missing[0]} is missing" if missing else "a column stands there twice",
+            where=where,
+            found=",".join(header)[:80],
+            rule=f"{columns}, and {_TIME} if it is known",
+            remedy="name the columns in the first line, in the order of the array's elements: column by "
+            "column in a grid, from the least x and y; ring by ring outwards; line by line of a table",
+        )
+    if unknown := [name for name in header if name not in {_TIME, *wanted} and _LIKE_ONE.fullmatch(name)]:
+        raise MeasurementError(
+            f"column {unknown[0]} is not one of this array's, or of times",
+            where=where,
+            found=",".join(unknown)[:80],
+            rule=f"{columns}, and {_TIME} (seconds) if it is known",
+            remedy=f"a scene whose array has these; call times in seconds {_TIME}; leave out the rest",
+        )

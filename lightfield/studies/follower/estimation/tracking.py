@@ -125,6 +125,11 @@ class Filter:
         """Shape (count, 6), m/s and rad/s."""
         return self._whole(self.state[:, len(self.at) : 2 * len(self.at)])
 
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviations of `poses`, shape (count, 6), m and rad; 0 of what is not sought."""
+        return self._whole(np.sqrt(np.einsum("sii->si", self.covariance)[:, : len(self.at)]))
+
     def beside(self, anew: Mask) -> tuple[Array, Array]:
         """What is expected of the unknowns, shape (count, k) and (count, k, k); where `anew`, as believed."""
         at, believed = 2 * len(self.at), np.diag(self._beside**2)

@@ -125,6 +125,13 @@ def test_frames_without_their_calibration_say_what_is_missing(tmp_path):
         read_spectra(written(tmp_path, frame, "cast.raw"))
 
 
+def test_a_damaged_calibration_of_another_instrument_does_not_count(tmp_path):
+    frame = bytes.fromhex(FRAME.read_text().replace("\n", ""))
+    written(tmp_path, calibration(), "HSL0251.cal")
+    written(tmp_path, calibration("OCR").replace("2000.5", "two"), "OCR.cal")
+    assert len(read_spectra(written(tmp_path, frame, "cast.raw"))) == 1
+
+
 def test_numbers_grow_by_the_immersion_coefficient_in_water(tmp_path):
     frame = bytes.fromhex(FRAME.read_text().replace("\n", ""))
     written(tmp_path, calibration(), "HSL0251.cal")

@@ -61,7 +61,7 @@ def test_sediment_or_grey_scattering_is_one_of_both() -> None:
 def only_cdom_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the search for ends of intervals, which takes most of the time."""
 
-    def profile(left, best, k, scale, most, times, name, unit) -> Amount:
+    def profile(sought, best, k, times, name, unit) -> Amount:
         low = 0.04 if name.startswith("CDOM") else 0.0
         return Amount(name, unit, float(best.u[k]), 0.01, low, 0.1, low, 0.1)
 
