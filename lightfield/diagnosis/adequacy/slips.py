@@ -27,6 +27,9 @@ _ROWS = ("along x", "along y", "along z")
 FALSE_ALARM = 0.003
 #: Random choices of as many places. Derived: six of them are then beyond FALSE_ALARM, known to two fifths.
 PERMUTATIONS = 1999
+#: Where a chance is less than so many of its own errors from FALSE_ALARM they are drawn again, so often at
+#: most: it is known to a tenth then, and the verdict hardly hangs on the seed. Chosen.
+_CLEAR, _TIMES = 3.0, 20
 #: Fewer readings than this are near each other by chance. Derived: two have one distance, and none is rare.
 _FEWEST = 3
 #: Factor between the numbers of struck places that a window is tried with, once they are more than a few.
@@ -119,10 +122,31 @@ def _scan(
     n, m, up = len(struck), len(seen), int((struck & above).sum())
     if m < _FEWEST or m == n:
         return None
-    random = np.argpartition(rng.random((PERMUTATIONS, n)), m - 1, axis=1)[:, :m]
-    places = np.vstack([seen[None], random])
-    least = np.full(len(places), np.inf)
-    best = ("", 0.0, 0.0)
+    hits, drawn = 1, 1  # what is seen is one of the choices
+    for _ in range(_TIMES):
+        random = np.argpartition(rng.random((PERMUTATIONS, n)), m - 1, axis=1)[:, :m]
+        least, (name, first, last) = _least(sequences, np.vstack([seen[None], random]), up)
+        hits, drawn = hits + int((least[1:] <= least[0]).sum()), drawn + PERMUTATIONS
+        if abs(hits - FALSE_ALARM * drawn) > _CLEAR * np.sqrt(FALSE_ALARM * drawn):
+            break
+    value, rounding = sequences[name], 10.0**-PLACE_DECIMALS
+    members = seen[(value[seen] >= first - rounding) & (value[seen] <= last + rounding)]
+    chance = hits / drawn
+    kind = "place" if name in _ROWS else name
+    return _Window(kind, _span(name, first, last), members, chance)
+
+
+def _least(sequences: dict[str, Array], places: Labels, up: int) -> tuple[Array, tuple[str, float, float]]:
+    """Chance of the densest window of every choice of places, and the coordinate and ends of the first one's.
+
+    Parameters
+    ----------
+    places : array of int, shape (choices, m)
+    up : int
+        So many of them are above the model, and come first.
+    """
+    n, m = len(next(iter(sequences.values()))), places.shape[1]
+    least, best = np.full(len(places), np.inf), ("", 0.0, 0.0)
     for name, value in sequences.items():
         levels, level = np.unique(np.round(value, PLACE_DECIMALS), return_inverse=True)
         upto = np.cumsum(np.bincount(level))
@@ -132,12 +156,7 @@ def _scan(
             if here[0] < least[0]:
                 best = (name, float(levels[low]), float(levels[high]))
             least = np.minimum(least, here)
-    name, first, last = best
-    value, rounding = sequences[name], 10.0**-PLACE_DECIMALS
-    members = seen[(value[seen] >= first - rounding) & (value[seen] <= last + rounding)]
-    chance = float((least <= least[0]).sum()) / len(places)
-    kind = "place" if name in _ROWS else name
-    return _Window(kind, _span(name, first, last), members, chance)
+    return least, best
 
 
 def _densest(among: Labels, upto: Labels, n: int) -> tuple[Array, int, int]:

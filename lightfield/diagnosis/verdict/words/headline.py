@@ -180,15 +180,16 @@ def _many(v: VerdictData, found: Sequence[FoundEffect]) -> Said:
     certain = [one.effect for one in found if one.level == Certainty.CERTAIN]
     support = [f"Certain: {join(certain)}."] if certain else []
     support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == Certainty.SIMPLEST]
+    missing = f"{_missing(sure)}{_on_trust(v)}" if sure else ""
     slots = "; ".join(_slot(one) for one in found if one.level == Certainty.ONE_OF)
     if not slots:
         if but := _unsure(found) if v.verdict == Kind.AMBIGUOUS else None:
             what = f"Perhaps {join(sure)}: they would explain the misfit, but {but}."
             return Said.of(what, *support)
-        return Said.of(f"{_missing(sure)}." if sure else "Nothing else is missing in the model.", *support)
+        return Said.of(f"{missing}." if missing else "Nothing else is missing in the model.", *support)
     if not sure:
         return Said.of(f"Several effects are missing in the model: {slots}.")
-    return Said.of(f"{_missing(sure)}; also {slots}.", *support)
+    return Said.of(f"{missing}; also {slots}.", *support)
 
 
 def _unsure(found: Sequence[FoundEffect]) -> str | None:
@@ -234,7 +235,11 @@ def _within(v: VerdictData) -> str:
 
 
 def _on_trust(v: VerdictData) -> str:
-    return " with the errors taken on trust" if v.errors_on_trust else ""
+    """The errors that a statement rests on, where they are not those of the table, or nothing tells them."""
+    if v.errors_on_trust:
+        return " with the errors taken on trust"
+    larger = (c.values["times"] for c in v.cautions if c.warns is Warns.SCATTER_MORE)
+    return next((f" if the errors are {times:.2g} times as large as stated" for times in larger), "")
 
 
 def _listed(asked: Sequence[str]) -> str:
