@@ -52,6 +52,9 @@ _PROMISES = 0.8
 #: What a local unknown has to be worth at first sight, in chi-square of the noise. Chosen: the best of some
 #: hundred shapes takes half as much from readings without one.
 _SHOWS = 30.0
+#: And what is left beside it, in units of the stated variance, unless it mends as much. Chosen: of a hundred
+#: readings one table in thirty scatters more.
+_AS_STATED = 1.25
 #: Where no one or two effects will do, known ones are so many at least. Derived: one and two were tried.
 _FEWEST = 3
 #: Seed of the trace of a scene that scatters. Chosen: no other trace has it.
@@ -328,7 +331,7 @@ def _unless_an_unknown_does(known: Knowledge) -> Knowledge:
     prepared, finding = known.prepared, known.finding
     if finding.size is None or known.problem.layout.size > MANY:
         return known
-    scale = _unexplained_variance(prepared, finding)
+    scale = _variance_left(prepared, finding)
     if scale < _TOO_SMALL:
         return known
     problem, sigma = prepared.problem, prepared.noise.sigma
@@ -339,13 +342,20 @@ def _unless_an_unknown_does(known: Knowledge) -> Knowledge:
     model = problem.model((*explanation, *stated)) if go_together((*explanation, *stated)) else fit.model
     off, light = (problem.value - fit.prediction) / sigma, fit.prediction / sigma
     moves = model.jacobian(model.at(fit.by_path), fit.prediction) / sigma[:, None]
-    left = left_by_an_unknown(problem.layout, off, light, problem.keep, moves)
+    left = left_by_an_unknown(problem.layout, off, light, problem.keep, moves, fit.prediction)
     if left >= _MENDS or problem.keep.sum() * np.log(1 / left) < _SHOWS:
         return known
     beside = _beside_unknowns(known)
-    if beside is None or _unexplained_variance(beside.prepared, beside.finding) >= _MENDS * scale:
+    if beside is None or _variance_left(beside.prepared, beside.finding) >= max(_MENDS * scale, _AS_STATED):
         return known
     return beside
+
+
+def _variance_left(prepared: Prepared, finding: SearchResult) -> float:
+    """Variance over the quoted one that what was found leaves, be it of noise or not."""
+    fit = finding.level.base if finding.explaining is None else finding.explaining.fit
+    left = fit.chi2 / max(finding.n - len(fit.u), 1)
+    return prepared.excess * finding.level.bench.phi * left
 
 
 def _unless_overtaken(known: Knowledge) -> Knowledge:

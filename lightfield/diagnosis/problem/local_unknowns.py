@@ -20,7 +20,7 @@ from lightfield.readings import Readings
 from lightfield.readings.columns import LINE_DECIMALS
 
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
-_PLACES, _WIDTHS, _DISTANCES, _LEAST = 21, 2, 3, 1e-6
+_PLACES, _WIDTHS, _DISTANCES, _LEVELS, _LEAST = 21, 2, 3, 41, 1e-6
 #: For a first look: widths of dips as parts of a scan, how many; steps at so many moments, and clouds between
 #: so many planes, at most. Chosen: a fit that looks closer begins where one of them shows.
 _PARTS, _SHAPES_WIDE, _MOST_STEPS, _MOST_EDGES = (0.02, 0.25), 5, 200, 6
@@ -53,7 +53,9 @@ def with_unknowns(problem: Problem, readings: Readings) -> tuple[Problem, Explan
     return replace(problem, forward=forward), tuple(map(finely, possible))
 
 
-def left_by_an_unknown(layout: Layout, misfit: Array, prediction: Array, keep: Array, moves: Array) -> float:
+def left_by_an_unknown(
+    layout: Layout, misfit: Array, prediction: Array, keep: Array, moves: Array, signal: Array
+) -> float:
     """Part of a misfit that the best local unknown leaves, beside all that the model can move; 1: none shows.
 
     Linear least squares of one amplitude of each, at many places and widths, and two of a ripple in time at
@@ -65,6 +67,8 @@ def left_by_an_unknown(layout: Layout, misfit: Array, prediction: Array, keep: A
         In units of the readings' errors.
     moves : array, shape (n, k)
         What the model's parameters move, in these units.
+    signal : array, shape (n,)
+        The model's readings.
     """
     held = np.linalg.qr(keep[:, None] * moves)[0] if moves.size else np.zeros((len(misfit), 0))
 
@@ -76,17 +80,18 @@ def left_by_an_unknown(layout: Layout, misfit: Array, prediction: Array, keep: A
     if total <= _ROUNDING * whole:
         return 1.0
     light = keep * prediction
-    shapes = beyond(light[:, None] * np.concatenate(list(_shapes(layout)), axis=1))
+    shapes = beyond(light[:, None] * np.concatenate(list(_shapes(layout, signal)), axis=1))
     norm = (shapes**2).sum(axis=0)
     taken = (shapes.T @ misfit) ** 2 / np.where(norm > TINY, norm, np.inf)
     most = max(float(taken.max(initial=0.0)), _by_a_ripple(layout, misfit, light, beyond))
     return max(1 - most / total, TINY)
 
 
-def _shapes(layout: Layout) -> Iterator[Array]:
-    """Steps in time, dips along x, y and time, plumes that rise before all readings, and clouds that pass,
-    each of shape (n, k)."""
-    yield np.zeros((layout.size, 0))
+def _shapes(layout: Layout, signal: Array) -> Iterator[Array]:
+    """Steps with the reading and in time, dips along x, y and time, plumes that rise before all readings, and
+    clouds that pass, each of shape (n, k)."""
+    level = np.sort(signal)
+    yield (signal[:, None] > (0.5 * (level[1:] + level[:-1]))[_some(len(level) - 1)]).astype(float)
     for at in (layout.x_m, layout.y_m, layout.x_m / layout.z_m, layout.y_m / layout.z_m):
         yield _dips(at)
     if layout.has_time:
@@ -138,6 +143,8 @@ def _starts(shape: FitParameter) -> Array:
     what, low, high = shape.path.rpartition(".")[2], max(shape.low, _LEAST), shape.high
     if what == "period":  # the longest is all angles
         return np.asarray(high / np.arange(1.0, high / low + _CYCLES_APART, _CYCLES_APART))
+    if what == "level":
+        return np.geomspace(low, high, _LEVELS)
     if what in ("width", "duration"):
         return np.geomspace(low, high, _WIDTHS + 2)[1:-1]
     return np.linspace(shape.low, high, _DISTANCES if what == "z0" else _PLACES)

@@ -302,7 +302,7 @@ class LeftOver(Record):
     name: str
     formula: str = Field(description="with its parameters by name")
     stage: str = Field(description="where it acts, as for effects of the user's own")
-    coordinate: str = Field(description="along which its curve is told: x, y, time or angle")
+    coordinate: str = Field(description="along which its curve is told: x, y, time, angle or signal")
     beside: list[str] = Field(description="effects that are left beside it")
     parameters: dict[str, Estimate]
     removed_percent: float = Field(description="share of the misfit left by the best set that it removes")

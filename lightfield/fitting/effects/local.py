@@ -1,5 +1,5 @@
 """Local unknowns: a dip across the beam, a plume, a step, a dip or a ripple in time, a cloud that passes,
-ripples over angles; few numbers each.
+ripples over angles, a gain that steps with the reading; few numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
 They are effects of the user's own, ready to be tested, renamed and made better. The shadow of a strut that
@@ -23,6 +23,9 @@ from lightfield.scene.own.own_effect import OwnEffect, OwnParameter, Stage
 FAMILY = "local unknown"
 #: What shades what passes through it, told where that is read at the farthest distance.
 PLUME, CLOUD = "plume", "passing_cloud"
+#: Where a gain steps readings change from one to the other within this part of the level: sudden, and with a
+#: slope for a fit. So many readings at least are below and above. Chosen.
+_EDGE_OF_GAIN, _FEWEST_OF_GAIN = 0.03, 5
 #: Half widths from that of a rod of 1 cm to a quarter of a scan; times as parts of it; periods from two
 #: readings to the whole range of angles. Chosen: between ranges from 2 cm on, depths of 0.9 at most, and the
 #: shadow of a bar of 2.4 cm scattering stood in for the rest of it, for sure.
@@ -136,6 +139,19 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                 physics="Something rises at one distance and dims what passes through it: the rays beyond.",
                 laboratory="Look down into the tank at that distance; read again when it is gone.",
             )
+    if levels := _levels(readings):
+        yield OwnEffect(
+            name="gain_step",
+            family=FAMILY,
+            stage="readout",
+            formula=f"signal*(1 + size*(1 + tanh((level - signal)/({_EDGE_OF_GAIN:g}*level)))/2)",
+            parameters={
+                "size": _part(-_SWING, _SWING),
+                "level": OwnParameter(range=levels, meaning="below it, over the largest reading"),
+            },
+            physics="Dim readings have another gain than bright ones: the detector changes its range.",
+            laboratory="Read one place in both ranges, or with a known grey filter at the brightest.",
+        )
     theta = np.degrees(angle_from_axis(readings.x_m, readings.y_m, readings.z_m))
     if (widest := float(theta.max())) > 0:
         yield _ripple(
@@ -155,8 +171,17 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
 ALONG = {
     "dip_in_x": "x", "dip_in_y": "y", PLUME: "x", "step_in_time": "time",
     "dip_in_time": "time", CLOUD: "time", "ripple_over_angle": "angle",
-    "ripple_at_receiver": "angle", "ripple_in_time": "time",
+    "ripple_at_receiver": "angle", "ripple_in_time": "time", "gain_step": "signal",
 }  # fmt: skip
+
+
+def _levels(readings: Readings) -> tuple[float, float] | None:
+    """Lowest and highest level at which a gain may step, over the largest reading; None: too few readings."""
+    value = np.sort(np.asarray(readings.value, float)[~np.asarray(readings.saturated, bool)])
+    if len(value) <= 2 * _FEWEST_OF_GAIN or value[-1] <= 0:
+        return None
+    low, high = value[_FEWEST_OF_GAIN] / value[-1], value[-_FEWEST_OF_GAIN] / value[-1]
+    return (float(low), float(high)) if 0 < low < high else None
 
 
 def ripple_periods_s(time_s: Array) -> tuple[float, float] | None:

@@ -173,8 +173,8 @@ def _record(
         for path, one in told.items()
         if path.startswith(prefix) and (key := path.removeprefix(prefix))
     }
-    at, places = _along(ALONG[name], forward.readings)
-    factor, stderr = _curve(own, fit, scale, places)
+    at, places, signal = _along(ALONG[name], forward.readings)
+    factor, stderr = _curve(own, fit, scale, places, signal)
     read_at, read = _read(problem, forward.readings, fit, name)
     return LeftOver(
         name=name, formula=own.formula, stage=own.stage, coordinate=ALONG[name],
@@ -191,7 +191,8 @@ def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Ar
     values, without = fit.values, without_it(fit, name)
     shown = np.asarray(bright(problem), bool) & (without > 0)
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
-    along = {"x": x, "y": y, "time": t, "angle": np.degrees(angle_from_axis(x, y, z))}[ALONG[name]]
+    angle, signal = np.degrees(angle_from_axis(x, y, z)), without / np.abs(without).max()
+    along = {"x": x, "y": y, "time": t, "angle": angle, "signal": signal}[ALONG[name]]
     if name in (PLUME, CLOUD):  # they shade what passes through them
         shown = shown & (z > values[f"effect.{name}.z0"])
     if name == PLUME:  # drawn at the farthest plane
@@ -207,25 +208,31 @@ def without_it(fit: Fit, name: str) -> Array:
     return fit.model.forward.predict(fit.values | neutral)
 
 
-def _along(coordinate: str, readings: Readings) -> tuple[Array, Places]:
-    """Points along a coordinate within the readings, on the axis of the farthest plane otherwise."""
+def _along(coordinate: str, readings: Readings) -> tuple[Array, Places, Array]:
+    """Points along a coordinate within the readings, on the axis of the farthest plane otherwise, and the
+    readings there over the largest."""
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
     theta = np.degrees(angle_from_axis(x, y, z))
+    zero, one, far = np.zeros(_POINTS), np.ones(_POINTS), np.full(_POINTS, z.max())
+    places = Places(zero, zero, far, far, zero, zero, zero)
+    if coordinate == "signal":
+        value = np.asarray(readings.value, float)
+        at = np.geomspace(value[value > 0].min() / value.max(), 1.0, _POINTS)
+        return at, places, at
     whole = {"x": x, "y": y, "time": t, "angle": theta}[coordinate]
     at = np.linspace(whole.min(), whole.max(), _POINTS)
-    zero, far = np.zeros(_POINTS), np.full(_POINTS, z.max())
-    places = Places(zero, zero, far, far, zero, zero, zero)
     if coordinate == "angle":
-        return at, places._replace(theta=at, x=far * np.tan(np.radians(at)))
-    return at, places._replace(**{coordinate: at})
+        return at, places._replace(theta=at, x=far * np.tan(np.radians(at))), one
+    return at, places._replace(**{coordinate: at}), one
 
 
-def _curve(own: OwnEffect, fit: Fit, scale: float, places: Places) -> tuple[Array, Array]:
+def _curve(own: OwnEffect, fit: Fit, scale: float, places: Places, signal: Array) -> tuple[Array, Array]:
     """The factor along the coordinate, and its error by those of its parameters, which go together."""
 
     def factor(at: Mapping[str, float]) -> Array:
         parameters = {k: p.model_copy(update={"value": at[k]}) for k, p in own.parameters.items()}
-        return own.model_copy(update={"parameters": parameters}).at(places)
+        found = own.model_copy(update={"parameters": parameters}).at(places, signal)
+        return found / signal if own.stage == "readout" else found
 
     mine = {k: fit.paths.index(f"effect.{own.name}.{k}") for k in own.parameters}
     here = {k: float(fit.u[i]) for k, i in mine.items()}

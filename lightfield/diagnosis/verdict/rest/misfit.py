@@ -161,7 +161,7 @@ def _local(problem: Problem, plain: Whitener, one: Local, scale: float) -> _Desc
     record = one.record
     # A step is where it begins, all else where the readings depart most.
     along, size = np.array(record.at), np.abs(np.array(record.factor) - 1.0)
-    if record.coordinate == "time":
+    if record.coordinate in ("time", "signal"):
         size = np.abs(np.gradient(record.factor))
     elif record.read_at:
         size, along = np.interp(record.read_at, along, size), np.array(record.read_at)
