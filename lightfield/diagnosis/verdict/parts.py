@@ -39,11 +39,11 @@ class Reason(Word):
 
     HELD = "held"
     AT_BOUNDARY = "at boundary"
-    BENDS_NO_MORE = "bends no more"
     DID_NOT_MOVE = "did not move the model"
     UNDETERMINED = "undetermined"
     TOO_WIDE = "undetermined: error wider than the allowed range"
     NONE = "none at all"
+    BENDS_NO_MORE = "bends no more"
 
     @property
     def short(self) -> Reason:

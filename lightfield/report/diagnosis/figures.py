@@ -28,6 +28,7 @@ from lightfield.report.style import (
     banded,
     figure,
     label,
+    legend_below,
 )
 from lightfield.wording import minus, plain
 
@@ -78,10 +79,7 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
         for one in range(len(panels) if narrow else 1):
             axes[0, one].set_ylabel("reading / largest" if narrow else several)
             axes[1, one].set_ylabel("left over (σ)" if narrow else "reading \N{MINUS SIGN} model (σ)")
-        told = {
-            name: one for axis in axes[0] for one, name in zip(*axis.get_legend_handles_labels(), strict=True)
-        }
-        fig.legend(told.values(), told, loc="outside lower center", ncols=1 if narrow else len(told))
+        legend_below(fig, *axes[0])
         say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig
 
@@ -95,7 +93,7 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
     base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
     upper.plot(at, base, color=FORMULA, linestyle=DASH, label=view.predictions[0].name)
     if len(view.predictions) > 1:
-        banded(upper, at, best, sigma, alpha=0.2, color=RENDER, label=view.predictions[-1].name)
+        banded(upper, at, best, sigma, alpha=0.2, color=RENDER, label=view.predictions[-1].short_name)
     upper.errorbar(
         at[~out], value[~out], sigma[~out], fmt="o", color=DATA, markersize=3, linewidth=0.9, label="readings"
     )
@@ -302,8 +300,7 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
             across = "r (m), from the axis" if view.is_scattered else _AXIS_NAMES[view.scan_axis]
             label(axis, across, "", group.label)
         axes[0].set_ylabel("σ")
-        handles, names = axes[0].get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else min(len(names), 3))
+        legend_below(fig, axes[0])
         if not view.is_scattered:
             say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig

@@ -208,7 +208,7 @@ def test_groups_name_only_what_differs():
 def test_the_distance_of_rivals_stands_below_the_headline(page):
     html = page("ambiguous")
     assert ">Scattering or beam skirt: these readings cannot tell.<" in html
-    assert ">The first lies 1.8 sigma from beam skirt.<" in html
+    assert ">Scattering lies 1.8 sigma from beam skirt.<" in html
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -246,7 +246,7 @@ def test_fitted_curves_are_drawn_with_their_errors(page):
     figure = curve_figure((beam,))
     upper, lower = figure.axes
     assert (upper.get_xlabel(), lower.get_xlabel(), upper.get_ylabel()) == ("", "angle (deg)", "intensity")
-    assert upper.get_title("left") + upper.get_title() == "changing the readings by 10 % rms"
+    assert upper.get_title("left") + upper.get_title() == "beam profile, changing the readings by 10 % rms"
     (band,) = (patch.get_paths()[0].get_extents() for patch in lower.collections)
     assert (band.ymin, band.ymax) == pytest.approx((-0.24, 0.24))
 
@@ -366,8 +366,10 @@ def test_the_ladder_says_the_table_s_numbers():
         label="base", effects=[], error_percent=1234.6, chi2_per_dof=1e5, parameters={}, scene="",
         rendered_stderr_percent=None, **unknown,
     )  # fmt: skip
-    said = [text.get_text() for text in ladder_figure([rung], 1.427).axes[0].texts]
-    assert said == ["noise floor 1.43 %", f"{three_digits(1234.6)} %"] and three_digits(1234.6) == "1230"
+    drawn = ladder_figure([rung], 1.427)
+    said = [text.get_text() for text in drawn.axes[0].texts]
+    assert said == [f"{three_digits(1234.6)} %"] and three_digits(1234.6) == "1230"
+    assert "noise floor 1.43 %" in [text.get_text() for text in drawn.legends[0].get_texts()]
 
 
 def test_the_beam_ends_at_the_walls():
