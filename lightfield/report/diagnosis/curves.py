@@ -58,7 +58,7 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
     """
     count = len(curves)
     size = (NARROW, 0.8 + 4.0 * count) if narrow else (WIDTH if count > 1 else 6.0, 4.2)
-    room = int((size[0] / (1 if narrow else count) - _AXIS_IN) / (_BOLD * LETTER))
+    letters = int((size[0] / (1 if narrow else count) - _AXIS_IN) / (_BOLD * LETTER))
     with figure(*size) as fig:
         # One after the other: each part has a place and a title of its own.
         grid = (count, 1) if narrow else (1, count)
@@ -73,7 +73,7 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
             marker = "o" if len(curve.at) < PLACES else ""  # of planes: between them there is nothing
             upper.plot(curve.at, curve.value, color=RENDER, marker=marker, label="fitted curve")
             upper.set_ylabel(curve.quantity)
-            upper.set_title(fill(f"{_effect(curve)}, {changes(curve.rms)}", room))
+            upper.set_title(f"{_effect(curve)}\n{fill(changes(curve.rms), letters)}")
             # As below: a band that leaves nothing to be seen of the curve is told by the panel under it.
             both = np.array([*curve.value, *curve.without])
             room = max(_ROOM * float(np.ptp(both)), _BAND * float(curve.stderr.min()))

@@ -70,3 +70,16 @@ def test_a_legend_is_no_wider_than_its_figure(width: float) -> None:
         fig.canvas.draw()
         box = fig.legends[0].get_window_extent()
     assert box.x0 >= 0 and box.x1 <= fig.bbox.x1
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_every_curve_is_titled_with_its_effect(narrow: bool) -> None:
+    """Two panels said by how much they change the readings, and not what they are of."""
+    at = np.linspace(0, 12, 40)
+    two = [
+        FittedCurve(field, "", "", at, 1 - 0.05 * at, 0.01 + 0 * at, 0.9 + 0 * at, 0.16)
+        for field in ("lamp.profile_departure", "water.absorption_departure")
+    ]
+    titles = [one.get_title("left") + one.get_title() for one in curve_figure(two, narrow).axes[::2]]
+    for title, name in zip(titles, ("beam profile", "attenuation profile"), strict=True):
+        assert title.splitlines() == [name, "changing the readings by 16 % rms"]

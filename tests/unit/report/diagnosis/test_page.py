@@ -246,7 +246,7 @@ def test_fitted_curves_are_drawn_with_their_errors(page):
     figure = curve_figure((beam,))
     upper, lower = figure.axes
     assert (upper.get_xlabel(), lower.get_xlabel(), upper.get_ylabel()) == ("", "angle (deg)", "intensity")
-    assert upper.get_title("left") + upper.get_title() == "beam profile, changing the readings by 10 % rms"
+    assert upper.get_title("left") + upper.get_title() == "beam profile\nchanging the readings by 10 % rms"
     (band,) = (patch.get_paths()[0].get_extents() for patch in lower.collections)
     assert (band.ymin, band.ymax) == pytest.approx((-0.24, 0.24))
 
