@@ -91,7 +91,13 @@ class WaterAndBeam(Record):
     attenuation_stderr_per_m: float | None = Field(
         None, description="of the best set, where one fitted value alone moves K; of several it is not known"
     )
-    hwhm_deg: float = Field(description="where the beam is half as bright as where it is brightest")
+    hwhm_deg: float = Field(
+        description="where the beam is half as bright as where it is brightest; of an oval one that of its "
+        "profile, which its sections are wider or narrower than"
+    )
+    oval_hwhm_deg: tuple[float, float] | None = Field(
+        None, description="of an oval beam the same where it is narrowest and where it is widest"
+    )
 
 
 class FoundEffect(Record):

@@ -16,7 +16,13 @@ from lightfield.diagnosis.verdict.parts import (
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
-from lightfield.diagnosis.verdict.words.effects import effect_size, level, means_something, why_first
+from lightfield.diagnosis.verdict.words.effects import (
+    effect_size,
+    half_widths,
+    level,
+    means_something,
+    why_first,
+)
 from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.parameter import is_gain
 from lightfield.wording import plain
@@ -134,5 +140,5 @@ def _water_and_beam(what: WaterAndBeam) -> str:
     return (
         f"a = {what.absorption_per_m:.4g}, b = {what.scattering_per_m:.4g}, "
         f"K = {what.attenuation_per_m:.4g}{error} 1/m at {what.wavelength_nm:.4g} nm, "
-        f"hwhm = {what.hwhm_deg:.4g} degrees"
+        f"hwhm = {half_widths(what, 4)} degrees"
     )

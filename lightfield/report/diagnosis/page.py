@@ -27,6 +27,7 @@ from lightfield.diagnosis.verdict.words.effects import (
     as_well,
     called,
     effect_size,
+    half_widths,
     has_no_equal,
     instead,
     means_something,
@@ -276,10 +277,11 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
 
 def _light(what: WaterAndBeam) -> list[str]:
     """a, b, K, with its error if that is known, and half width."""
-    values = (what.absorption_per_m, what.scattering_per_m, what.attenuation_per_m, what.hwhm_deg)
-    a, b, attenuation, width = (f"{value:.3g}" for value in values)
+    values = (what.absorption_per_m, what.scattering_per_m, what.attenuation_per_m)
+    a, b, attenuation = (f"{value:.3g}" for value in values)
     stderr = what.attenuation_stderr_per_m
-    return [a, b, attenuation if stderr is None else f"{attenuation} ± {stderr:.1g}", width]
+    known = attenuation if stderr is None else f"{attenuation} ± {stderr:.1g}"
+    return [a, b, known, half_widths(what, 3)]
 
 
 def _rung(rung: Rung) -> list[str]:
