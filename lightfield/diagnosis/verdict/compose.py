@@ -41,7 +41,7 @@ from lightfield.diagnosis.verdict.parts import (
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.rest.left_over import left_over
 from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
-from lightfield.diagnosis.verdict.trust import Trust, noise_floor, pure_error, set_aside
+from lightfield.diagnosis.verdict.trust import Trust, left_by_fit, noise_floor, pure_error, set_aside
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import beyond_table
@@ -253,11 +253,15 @@ def _readings_used(basis: VerdictBasis) -> verdict_data.ReadingsUsed:
 
 def _reached(basis: VerdictBasis, units: dict[str, str]) -> verdict_data.Reached:
     """Over the explained model, as the error of the last rung is."""
-    counted, explained = bright(basis.prepared.problem), basis.steps[-1].fit.prediction
-    floor = rms_over(noise_floor(basis.prepared, basis.finding)[counted], explained[counted])
+    counted, fit = bright(basis.prepared.problem), basis.steps[-1].fit
+    errors = noise_floor(basis.prepared, basis.finding)
+    floor = rms_over(errors[counted], fit.prediction[counted])
+    left, chance = left_by_fit(errors, fit, counted)
     return verdict_data.Reached(
         ladder=_rungs(basis, units),
         noise_floor_percent=finite(floor),
+        left_by_fit_percent=finite(left),
+        left_by_fit_stderr_percent=finite(chance),
         noise_percent=basis.trust.noise_percent,
     )
 

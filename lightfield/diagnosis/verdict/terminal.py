@@ -23,6 +23,7 @@ from lightfield.diagnosis.verdict.words.effects import (
     means_something,
     why_first,
 )
+from lightfield.diagnosis.verdict.words.floor import left_of_floor
 from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.parameter import is_gain
 from lightfield.wording import plain
@@ -50,6 +51,8 @@ def as_text(verdict: Verdict) -> str:
                     about += f" ± {_short(rung.rendered_stderr_percent)}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
+        if left := left_of_floor(verdict):
+            lines.append(f"{'  of it left by the fit':<28}{left:>9}")
     lines += _found(verdict.found)
     if verdict.verdict == Kind.NONE and verdict.ladder:
         lines.append(f"fitted: {_values(verdict.ladder[-1].parameters)}")

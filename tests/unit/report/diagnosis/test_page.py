@@ -16,7 +16,7 @@ from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import FAR_SIGMA, data_figure, residual_map, signature_figure
 from lightfield.report.diagnosis.ladder import ladder_figure
-from lightfield.report.diagnosis.page import _lead, diagnosis_page
+from lightfield.report.diagnosis.page import diagnosis_page
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView, DrawnReadings, Prediction, Separation, Signature
 from lightfield.report.page import three_digits
@@ -390,11 +390,3 @@ def test_the_beam_ends_at_the_walls():
 )
 def test_a_model_of_many_effects_is_called_by_their_number(label: str, effects: int, short: str) -> None:
     assert Prediction(label, np.zeros(3), effects).short_name == short
-
-
-def test_a_floor_above_the_error_is_explained() -> None:
-    """And no floor that 5 numbers of 105 readings and chance have brought the error below."""
-    rung = Rung.model_construct(error_percent=2.6, parameters=dict.fromkeys("abcde"))
-    for floor, said in ((12.0, True), (0.4, False), (2.7, False), (3.3, True)):
-        verdict = Verdict.model_construct(ladder=[rung], noise_floor_percent=floor, run=1, readings=105)
-        assert any("lies above the error" in line for line in _lead(verdict)) is said
