@@ -240,6 +240,9 @@ class StatedEffect(Record):
     fitted: dict[str, Estimate] = Field(
         default_factory=dict, description="the same when fitted beside the best explanation"
     )
+    beside: list[str] = Field(
+        default_factory=list, description="effects of the best explanation that were free with it"
+    )
     limit: float | None = Field(
         None,
         description="95 % limit of its one amplitude's distance from the neutral value",
