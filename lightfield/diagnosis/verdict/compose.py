@@ -12,6 +12,7 @@ from lightfield.arrays import finite
 from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import SearchResult
+from lightfield.diagnosis.search.many import FAR
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival, unseen_effects
 from lightfield.diagnosis.verdict import verdict_data
@@ -41,7 +42,14 @@ from lightfield.diagnosis.verdict.parts import (
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.rest.left_over import left_over
 from lightfield.diagnosis.verdict.rest.misfit import along, unexplained
-from lightfield.diagnosis.verdict.trust import Trust, left_by_fit, noise_floor, pure_error, set_aside
+from lightfield.diagnosis.verdict.trust import (
+    Trust,
+    error_scale,
+    left_by_fit,
+    noise_floor,
+    pure_error,
+    set_aside,
+)
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import beyond_table
@@ -282,6 +290,12 @@ def _stated(
     )
 
 
+def _nearly_fits(basis: VerdictBasis, kind: Kind) -> bool:
+    """Do the readings come near to the last rung, or is most of them unexplained?"""
+    noise = error_scale(basis.prepared, basis.finding)
+    return kind != Kind.UNEXPLAINED or basis.steps[-1].chi2_per_dof <= FAR * noise
+
+
 def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
     """The verdict as plain data.
 
@@ -328,7 +342,9 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
             assumptions=list(budget.assumed),
             cautions=[
                 *([basis.lamp_instead] if basis.lamp_instead else []),
-                *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
+                *hints(
+                    basis.forward, problem, basis.steps[-1].fit, budget.calibration, _nearly_fits(basis, kind)
+                ),
                 *exchanged(basis.forward, problem, finding),
                 *of_glass(basis.forward, problem, finding),
                 *cautions(basis.readings, basis.prepared, finding, explanations),
