@@ -30,6 +30,8 @@ from lightfield.wording import plain
 
 #: Explanations, and readings set aside, that a terminal is shown. Chosen: words alone.
 _SHOWN, _LISTED = 8, 20
+#: Digits of a half width, as of what is told beside it. Chosen: words alone.
+_DIGITS = 4
 #: No column of the ladder has the room for a longer number with its decimals. Chosen: words alone.
 _LONG = 1e5
 
@@ -143,5 +145,5 @@ def _water_and_beam(what: WaterAndBeam) -> str:
     return (
         f"a = {what.absorption_per_m:.4g}, b = {what.scattering_per_m:.4g}, "
         f"K = {what.attenuation_per_m:.4g}{error} 1/m at {what.wavelength_nm:.4g} nm, "
-        f"hwhm = {half_widths(what, 4)} degrees"
+        f"hwhm = {half_widths(what, _DIGITS)} degrees"
     )

@@ -32,7 +32,7 @@ from lightfield.report.style import (
 )
 from lightfield.wording import minus, plain
 
-_MOST_PANELS, MOST_NARROW = 5, 3
+_MOST_PANELS, _MOST_NARROW = 5, 3
 #: Readings that span more than this are drawn over decades, and of decades no more than these.
 _LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
@@ -57,7 +57,7 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
     """
     panels = _panels(view)
     if narrow:
-        panels = few(panels, MOST_NARROW)
+        panels = few(panels, _MOST_NARROW)
     size = (NARROW, 1.2 + 3.4 * len(panels)) if narrow else (WIDTH if len(panels) > 1 else 6.0, 4.8)
     with figure(*size) as fig:
         if narrow:
@@ -217,7 +217,7 @@ def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
         return _grid_map(view)
     readings, scan, shown = view.readings, "y_m" if view.scan_axis == "y_m" else "x_m", steps(view)
     there = view.bands()
-    bands = few(there, MOST_NARROW if narrow else _MOST_PANELS)
+    bands = few(there, _MOST_NARROW if narrow else _MOST_PANELS)
     panels = [(step, band) for step, _ in shown for band in bands]
     side_by_side = len(bands) > 1 and not narrow
     columns = 1 if narrow else len(bands) if side_by_side else len(shown)
@@ -268,7 +268,7 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
     Over the scans; of single places over their distance from the axis, where no line joins them.
     """
     panels = [Group("", np.arange(len(view.readings.value)))] if view.is_scattered else _panels(view)
-    panels = few(panels, MOST_NARROW) if narrow else panels
+    panels = few(panels, _MOST_NARROW) if narrow else panels
     size = (NARROW, 0.9 + 2.3 * len(panels)) if narrow else (WIDTH if len(panels) > 1 else 6.0, 3.4)
     with figure(*size) as fig:
         grid = (len(panels), 1) if narrow else (1, len(panels))

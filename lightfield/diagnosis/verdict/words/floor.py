@@ -8,7 +8,7 @@ from lightfield.wording import rounded
 #: An error below this part of the floor is spoken of: what a fit of few numbers to many readings leaves is no
 #: less. Chosen: words alone.
 _FAR_BELOW = 0.9
-#: Standard deviations that are chance.
+#: Standard deviations that are chance. Chosen: one of twenty is beyond.
 _CHANCE = 2.0
 
 
