@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from textwrap import fill
 
 import numpy as np
 from matplotlib import colormaps
@@ -37,7 +38,7 @@ _MOST_PANELS, _MOST_NARROW = 5, 3
 _LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
 _AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
-#: A panel of five has room for so many letters above it (chosen by eye).
+#: A panel of five has room for so many letters above it, or beside it (chosen by eye).
 _ONE_LINE = 18
 #: Misfits are drawn linear within the first, and over decades beyond where they reach the second, in sigma.
 _NOISE_SIGMA, FAR_SIGMA = 3.0, 15.0
@@ -252,7 +253,7 @@ def _grid_map(view: ReadingsView) -> Figure:
                 at = group.rows
                 dots = misfit_dots(axis, view, step, readings.x_m[at], readings.y_m[at], at)
                 axis.margins(0.12)
-            row[0].set_ylabel(f"{view.predictions[step].short_name}\ny (m)")
+            row[0].set_ylabel(f"{fill(view.predictions[step].short_name, _ONE_LINE)}\ny (m)")
         for axis, group in zip(axes[0], groups, strict=True):
             axis.set_title(group.label)
         for axis in axes[-1]:
