@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import matplotlib
@@ -56,6 +57,9 @@ SHORT_UNITS = {
 DASH = (0, (5, 2))
 WIDTH = 10.0  # inches of a figure that fills the page
 NARROW = 4.3  # inches of a figure on a telephone
+#: Inches that a letter takes in a figure, in the widest of the page's fonts, and letters that the mark of a
+#: legend takes with its gaps. Chosen by eye.
+LETTER, _MARK = 0.075, 8
 _PAGE_PIXELS = 1020
 _PNG_DPI = 150
 #: Of Matplotlib, while a figure is made.
@@ -252,18 +256,21 @@ def banded(
 
 
 def legend_below(fig: Figure, *of: Axes, columns: int = 4, title: str | None = None) -> None:
-    """One legend for several axes, under the figure, where it lies over no curve."""
+    """One legend for several axes, under the figure, where it lies over no curve.
+
+    Parameters
+    ----------
+    columns : int
+        At most, where there is room for them. Longer names than the figure is wide go on in a next line.
+    """
     found = dict[str, Artist]()
+    room = int(fig.get_figwidth() / LETTER)
     for axes in of:
         handles, names = axes.get_legend_handles_labels()
-        found |= dict(zip(names, handles, strict=True))
-    fig.legend(
-        list(found.values()),
-        list(found),
-        loc="outside lower center",
-        ncols=min(columns, len(found)),
-        title=title,
-    )
+        found |= {fill(name, room - _MARK): one for name, one in zip(names, handles, strict=True)}
+    longest = max((len(line) for name in found for line in name.splitlines()), default=0)
+    ncols = max(1, min(columns, len(found), room // (longest + _MARK)))
+    fig.legend(list(found.values()), list(found), loc="outside lower center", ncols=ncols, title=title)
 
 
 def legend_under(axes: Axes, columns: int = 2, title: str | None = None) -> None:

@@ -27,7 +27,7 @@ _ACCEPTED, _NEAR = 8, 12
 _AS_GOOD = 1.0
 #: Chi-square over that of the noise from which on a set misses the readings by far. Chosen: what lacks one of
 #: several effects leaves more; with half and twice ten campaigns have the same verdicts.
-_FAR = 2.0
+FAR = 2.0
 
 
 def beyond_two(
@@ -93,7 +93,7 @@ def misses_by_far(tolerance: float) -> Ends:
         made, ground = ground_about(prepared, tolerance, np.random.default_rng(0), found)
         problem = prepared.problem
         residual = made.whiten(problem.keep * (problem.value - found.fit.prediction))
-        return float(residual @ residual) > _FAR * ground.phi * (problem.keep.sum() - len(found.fit.u))
+        return float(residual @ residual) > FAR * ground.phi * (problem.keep.sum() - len(found.fit.u))
 
     return ends
 

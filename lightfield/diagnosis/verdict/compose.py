@@ -12,6 +12,7 @@ from lightfield.arrays import finite
 from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import SearchResult
+from lightfield.diagnosis.search.many import FAR
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival, unseen_effects
 from lightfield.diagnosis.verdict import verdict_data
@@ -41,7 +42,14 @@ from lightfield.diagnosis.verdict.parts import (
 from lightfield.diagnosis.verdict.refutation import Judged, judged_effects, stated_effects
 from lightfield.diagnosis.verdict.rest.left_over import left_over
 from lightfield.diagnosis.verdict.rest.misfit import along, beyond_errors, unexplained
-from lightfield.diagnosis.verdict.trust import Trust, noise_floor, pure_error, set_aside
+from lightfield.diagnosis.verdict.trust import (
+    Trust,
+    error_scale,
+    left_by_fit,
+    noise_floor,
+    pure_error,
+    set_aside,
+)
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.light_source import beyond_table
@@ -255,11 +263,15 @@ def _readings_used(basis: VerdictBasis) -> verdict_data.ReadingsUsed:
 
 def _reached(basis: VerdictBasis, units: dict[str, str]) -> verdict_data.Reached:
     """Over the explained model, as the error of the last rung is."""
-    counted, explained = bright(basis.prepared.problem), basis.steps[-1].fit.prediction
-    floor = rms_over(noise_floor(basis.prepared, basis.finding)[counted], explained[counted])
+    counted, fit = bright(basis.prepared.problem), basis.steps[-1].fit
+    errors = noise_floor(basis.prepared, basis.finding)
+    floor = rms_over(errors[counted], fit.prediction[counted])
+    left, chance = left_by_fit(errors, fit, counted)
     return verdict_data.Reached(
         ladder=_rungs(basis, units),
         noise_floor_percent=finite(floor),
+        left_by_fit_percent=finite(left),
+        left_by_fit_stderr_percent=finite(chance),
         noise_percent=basis.trust.noise_percent,
     )
 
@@ -278,6 +290,12 @@ def _stated(
         lambda fit, least: estimates(fit, phi, units, least),
         best.errors if best is not None else finding.base_errors,
     )
+
+
+def _nearly_fits(basis: VerdictBasis, kind: Kind) -> bool:
+    """Do the readings come near to the last rung, or is most of them unexplained?"""
+    noise = error_scale(basis.prepared, basis.finding)
+    return kind != Kind.UNEXPLAINED or basis.steps[-1].chi2_per_dof <= FAR * noise
 
 
 def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
@@ -328,7 +346,9 @@ def verdict_of(basis: VerdictBasis, advise: bool = True) -> Verdict:
             assumptions=list(budget.assumed),
             cautions=[
                 *([basis.lamp_instead] if basis.lamp_instead else []),
-                *hints(basis.forward, problem, basis.steps[-1].fit, budget.calibration),
+                *hints(
+                    basis.forward, problem, basis.steps[-1].fit, budget.calibration, _nearly_fits(basis, kind)
+                ),
                 *exchanged(basis.forward, problem, finding),
                 *of_glass(basis.forward, problem, finding),
                 *cautions(basis.readings, basis.prepared, finding, explanations),

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from lightfield.diagnosis.verdict.parts import Estimate, Reason
+from lightfield.fitting.curves import PROFILE, field_of
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
@@ -49,7 +50,8 @@ def estimates(
         elif bound[i] and fit.model.parameters[i].is_none(fit.u[i]):
             reason = Reason.NONE
         elif bound[i] or path in most:
-            reason = Reason.AT_BOUNDARY
+            # A lamp's curve is held from bending more than lamps do: that is no edge of what is plausible.
+            reason = Reason.BENDS_NO_MORE if field_of(path) == PROFILE else Reason.AT_BOUNDARY
         elif np.linalg.norm(fit.jacobian[:, i]) == 0:
             reason = Reason.DID_NOT_MOVE
         elif not np.isfinite(error):

@@ -42,6 +42,10 @@ class NextMeasurement(Record):
     )
     separation_now_sigma: float | None = None
     separation_predicted_sigma: float | None = None
+    above_model: bool | None = Field(
+        default=None,
+        description="of readings set aside: all lie above the model, or all below; null: some and some",
+    )
     laboratory: dict[str, str] = Field(
         default_factory=dict, description="where no reading parts them: a check of each effect of one alone"
     )
@@ -68,7 +72,10 @@ def look(aside: Sequence[SetAside]) -> NextMeasurement:
     """What to do about readings set aside that are no slips, the farthest first."""
     one = aside[0]
     spot = PlaceToRead(x_m=one.x_m, y_m=one.y_m, z_m=one.z_m, medium=one.medium, repeats=REPEATS)
-    return NextMeasurement(asks=Asks.LOOK, readings=[spot])
+    sides = {each.off_sigma > 0 for each in aside if each.off_sigma is not None}
+    return NextMeasurement(
+        asks=Asks.LOOK, readings=[spot], above_model=sides.pop() if len(sides) == 1 else None
+    )
 
 
 def in_a_row(spot: PlaceToRead) -> NextMeasurement:
@@ -129,7 +136,7 @@ def _reference(asked: NextMeasurement) -> str:
 
 def _look(asked: NextMeasurement) -> str:
     return (
-        "Look for what stands between lamp and detector, and repeat the readings set aside (the farthest at "
+        f"Look for {_SUSPECTS[asked.above_model]}, and repeat them (the farthest at "
         f"{place(asked.readings[0])}): what repeats is a structure of the light, what does not is a slip."
     )
 
@@ -143,6 +150,13 @@ def _in_a_row(asked: NextMeasurement) -> str:
     )
 
 
+#: What is to be looked for where readings set aside lie above the model, or below it, or on both sides.
+_SUSPECTS = {
+    True: "what sends or mirrors light to the readings set aside, or for a bright spot of the lamp in their "
+    "direction",
+    False: "what stands between the lamp and the readings set aside",
+    None: "what shades the readings set aside, or sends more light there",
+}
 #: Where no answer is sure, and yet no reading is named.
 _UNASKED: dict[Kind, str] = {
     Kind.AMBIGUOUS: "No reading is named that would tell for sure: that is worked out where two whole "

@@ -43,6 +43,7 @@ class Reason(Word):
     UNDETERMINED = "undetermined"
     TOO_WIDE = "undetermined: error wider than the allowed range"
     NONE = "none at all"
+    BENDS_NO_MORE = "bends no more"
 
     @property
     def short(self) -> Reason:
@@ -90,7 +91,13 @@ class WaterAndBeam(Record):
     attenuation_stderr_per_m: float | None = Field(
         None, description="of the best set, where one fitted value alone moves K; of several it is not known"
     )
-    hwhm_deg: float = Field(description="where the beam is half as bright as where it is brightest")
+    hwhm_deg: float = Field(
+        description="where the beam is half as bright as where it is brightest; of an oval one that of its "
+        "profile, which its sections are wider or narrower than"
+    )
+    oval_hwhm_deg: tuple[float, float] | None = Field(
+        None, description="of an oval beam the same where it is narrowest and where it is widest"
+    )
 
 
 class FoundEffect(Record):
@@ -232,6 +239,9 @@ class StatedEffect(Record):
     neutral: dict[str, float] = Field(default_factory=dict, description="what would switch it off")
     fitted: dict[str, Estimate] = Field(
         default_factory=dict, description="the same when fitted beside the best explanation"
+    )
+    beside: list[str] = Field(
+        default_factory=list, description="effects of the best explanation that were free with it"
     )
     limit: float | None = Field(
         None,

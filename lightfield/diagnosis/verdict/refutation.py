@@ -58,6 +58,8 @@ class Judged:
         Smallest standard errors by path.
     held : Fit, optional
         What is reported beside it, where that holds it as stated.
+    beside : tuple of str
+        Effects of the best explanation that were free with it.
     """
 
     candidate: Candidate
@@ -68,6 +70,7 @@ class Judged:
     contradicted: bool
     errors: Mapping[str, float] = field(default_factory=dict)
     held: Fit | None = None
+    beside: tuple[str, ...] = ()
 
     @property
     def judgement(self) -> Judgement:
@@ -168,6 +171,7 @@ def _judged(problem: Problem, finding: SearchResult, candidate: Candidate) -> Ju
         _limit(free, changed, phi),
         contradicted,
         held=kept if mine is None else None,
+        beside=tuple(sorted(c.name for c in others)),
     )
 
 
@@ -247,6 +251,7 @@ def stated_effects(
                 stated={path: float(known[path].value) for path in moved},
                 neutral={p: float(off) for p in moved if (off := known[p].neutral) is not None},
                 fitted={path: values[path] for path in moved},
+                beside=list(one.beside),
                 limit=one.limit,
                 sigma_from_stated=one.sigma_from_stated,
                 sigma_to_remove=one.sigma_to_remove,

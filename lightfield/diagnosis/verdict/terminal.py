@@ -16,13 +16,22 @@ from lightfield.diagnosis.verdict.parts import (
 from lightfield.diagnosis.verdict.speech import join, place
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.diagnosis.verdict.words import aside
-from lightfield.diagnosis.verdict.words.effects import effect_size, level, means_something, why_first
+from lightfield.diagnosis.verdict.words.effects import (
+    effect_size,
+    half_widths,
+    level,
+    means_something,
+    why_first,
+)
+from lightfield.diagnosis.verdict.words.floor import left_of_floor
 from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.parameter import is_gain
 from lightfield.wording import plain
 
 #: Explanations, and readings set aside, that a terminal is shown. Chosen: words alone.
 _SHOWN, _LISTED = 8, 20
+#: Digits of a half width, as of what is told beside it. Chosen: words alone.
+_DIGITS = 4
 #: No column of the ladder has the room for a longer number with its decimals. Chosen: words alone.
 _LONG = 1e5
 
@@ -44,6 +53,8 @@ def as_text(verdict: Verdict) -> str:
                     about += f" ± {_short(rung.rendered_stderr_percent)}"
                 lines.append(f"{'  rendered afresh':<28}{about}")
         lines.append(f"{'noise floor':<28}{_short(verdict.noise_floor_percent):>9}")
+        if left := left_of_floor(verdict):
+            lines.append(f"{'  of it left by the fit':<28}{left:>9}")
     lines += _found(verdict.found)
     if verdict.verdict == Kind.NONE and verdict.ladder:
         lines.append(f"fitted: {_values(verdict.ladder[-1].parameters)}")
@@ -134,5 +145,5 @@ def _water_and_beam(what: WaterAndBeam) -> str:
     return (
         f"a = {what.absorption_per_m:.4g}, b = {what.scattering_per_m:.4g}, "
         f"K = {what.attenuation_per_m:.4g}{error} 1/m at {what.wavelength_nm:.4g} nm, "
-        f"hwhm = {what.hwhm_deg:.4g} degrees"
+        f"hwhm = {half_widths(what, _DIGITS)} degrees"
     )

@@ -14,7 +14,7 @@ from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonor
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.preparation import Prepared
-from lightfield.diagnosis.verdict.ladder import bright
+from lightfield.diagnosis.verdict.ladder import bright, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, SetAside, WhyAside
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
@@ -86,6 +86,28 @@ def noise_floor(prepared: Prepared, finding: SearchResult) -> Array:
     """The same without errors of the lamp's table, which the readings mostly tell themselves, shape (n,)."""
     noise = replace(prepared.noise, lamp_modes=None)
     return np.sqrt(noise.variance(error_scale(prepared, finding), 0.0))
+
+
+def left_by_fit(floor: Array, fit: Fit, counted: Mask) -> tuple[float, float]:
+    """What a fit leaves of the noise floor: rms over the model, per cent, and its spread by chance.
+
+    What is fitted follows a part of the noise of each reading, and where few readings have large errors their
+    noise is most of the rms.
+
+    Parameters
+    ----------
+    floor : array, shape (n,)
+        Standard errors of the readings.
+    counted : array of bool, shape (n,)
+        Readings that count in the error in per cent.
+    """
+    followed = orthonormal(fit.jacobian[:, ~fit.at_bound()], INDEPENDENT)
+    left = floor * np.sqrt(np.maximum(1 - np.sum(followed**2, axis=1), 0.0))
+    rms = rms_over(left[counted], fit.prediction[counted])
+    if not rms > 0:
+        return rms, float("nan")
+    square = (100 * left[counted] / fit.prediction[counted]) ** 2
+    return rms, float(np.sqrt(2 * np.sum(square**2)) / len(square) / (2 * rms))
 
 
 def trust_of(

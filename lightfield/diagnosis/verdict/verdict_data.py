@@ -91,6 +91,12 @@ class Reached(Record):
     noise_floor_percent: float | None = Field(
         description="what the readings' errors leave of any model; null: no reading is bright, or it is dark"
     )
+    left_by_fit_percent: float | None = Field(
+        None, description="what the last rung leaves of that: what is fitted follows a part of the noise"
+    )
+    left_by_fit_stderr_percent: float | None = Field(
+        None, description="its standard deviation by chance, large where few readings make most of it"
+    )
     noise_percent: float | None = Field(
         None, description="median error of a bright reading; null: none is bright"
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from textwrap import fill
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,17 +11,21 @@ from matplotlib.figure import Figure
 from lightfield.diagnosis.verdict.parts import LeftOver
 from lightfield.diagnosis.verdict.speech import UNITS
 from lightfield.diagnosis.verdict.words.effects import changes
+from lightfield.fitting import effects
+from lightfield.fitting.curves import field_of
 from lightfield.fitting.fitted_curves import PLACES, FittedCurve
 from lightfield.report.style import (
     DASH,
     DATA,
     FORMULA,
+    LETTER,
     MUTED,
     NARROW,
     RENDER,
     WIDTH,
     figure,
     label,
+    legend_below,
     percent_axis,
 )
 from lightfield.wording import plain
@@ -29,8 +34,16 @@ from lightfield.wording import plain
 _BAND = 2.0
 #: Beyond what a curve and the model without it take on, a band is drawn by this part of that.
 _ROOM = 0.5
+#: Inches beside a panel that its axis takes, and by which letters of a title are wider. Chosen by eye.
+_AXIS_IN, _BOLD = 0.7, 1.2
 #: Local unknowns that are drawn beside each other, and how far their bands, over the farthest departure.
 _SHOWN, _REACH = 2, 1.5
+
+
+def _effect(curve: FittedCurve) -> str:
+    """The effect that a curve is of."""
+    of_field = {field_of(one.forms[0].amplitudes[0].path): name for name, one in effects.curves().items()}
+    return plain(of_field[curve.field])
 
 
 def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
@@ -44,7 +57,9 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
         Below each other, for a telephone.
     """
     count = len(curves)
-    with figure(*((NARROW, 0.8 + 4.0 * count) if narrow else (WIDTH if count > 1 else 6.0, 4.2))) as fig:
+    size = (NARROW, 0.8 + 4.0 * count) if narrow else (WIDTH if count > 1 else 6.0, 4.2)
+    letters = int((size[0] / (1 if narrow else count) - _AXIS_IN) / (_BOLD * LETTER))
+    with figure(*size) as fig:
         # One after the other: each part has a place and a title of its own.
         grid = (count, 1) if narrow else (1, count)
         parts = fig.subfigures(*grid, squeeze=False).ravel()
@@ -58,7 +73,7 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
             marker = "o" if len(curve.at) < PLACES else ""  # of planes: between them there is nothing
             upper.plot(curve.at, curve.value, color=RENDER, marker=marker, label="fitted curve")
             upper.set_ylabel(curve.quantity)
-            upper.set_title(changes(curve.rms))
+            upper.set_title(f"{_effect(curve)}\n{fill(changes(curve.rms), letters)}")
             # As below: a band that leaves nothing to be seen of the curve is told by the panel under it.
             both = np.array([*curve.value, *curve.without])
             room = max(_ROOM * float(np.ptp(both)), _BAND * float(curve.stderr.min()))
@@ -70,9 +85,7 @@ def curve_figure(curves: Sequence[FittedCurve], narrow: bool = False) -> Figure:
             lower.axhline(0, color=MUTED, linewidth=0.8)
             lower.set_xlabel(curve.coordinate)
             lower.set_ylabel("its error")
-        lines, names = axes[0][0].get_legend_handles_labels()
-        bands, errors = axes[0][1].get_legend_handles_labels()
-        fig.legend([*lines, *bands], [*names, *errors], loc="outside lower center", ncols=1 if narrow else 3)
+        legend_below(fig, *axes[0])
     return fig
 
 
@@ -103,5 +116,5 @@ def left_figure(left: Sequence[LeftOver], narrow: bool = False) -> Figure:
         reach = 1 + _REACH * max(np.abs(np.array([*one.factor, *one.read]) - 1).max() for one in shown)
         low, high = axes.get_ylim()
         axes.set_ylim(max(low, 2 - reach), min(high, reach))
-        fig.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=1 if narrow else 2)
+        legend_below(fig, axes)
     return fig

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from textwrap import fill
 
 import numpy as np
 from matplotlib import colormaps
@@ -28,15 +29,16 @@ from lightfield.report.style import (
     banded,
     figure,
     label,
+    legend_below,
 )
 from lightfield.wording import minus, plain
 
-_MOST_PANELS, MOST_NARROW = 5, 3
+_MOST_PANELS, _MOST_NARROW = 5, 3
 #: Readings that span more than this are drawn over decades, and of decades no more than these.
 _LOG_FROM, MOST_DECADES = 5.0, 1e-6
 LEAST_PERCENT = 0.01  # an exact fit to a few readings leaves rounding errors, which are no finding
 _AXIS_NAMES = {"x_m": "x (m)", "y_m": "y (m)", "z_m": "z (m)"}
-#: A panel of five has room for so many letters above it (chosen by eye).
+#: A panel of five has room for so many letters above it, or beside it (chosen by eye).
 _ONE_LINE = 18
 #: Misfits are drawn linear within the first, and over decades beyond where they reach the second, in sigma.
 _NOISE_SIGMA, FAR_SIGMA = 3.0, 15.0
@@ -56,7 +58,7 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
     """
     panels = _panels(view)
     if narrow:
-        panels = few(panels, MOST_NARROW)
+        panels = few(panels, _MOST_NARROW)
     size = (NARROW, 1.2 + 3.4 * len(panels)) if narrow else (WIDTH if len(panels) > 1 else 6.0, 4.8)
     with figure(*size) as fig:
         if narrow:
@@ -78,10 +80,7 @@ def data_figure(view: ReadingsView, narrow: bool = False) -> Figure:
         for one in range(len(panels) if narrow else 1):
             axes[0, one].set_ylabel("reading / largest" if narrow else several)
             axes[1, one].set_ylabel("left over (σ)" if narrow else "reading \N{MINUS SIGN} model (σ)")
-        told = {
-            name: one for axis in axes[0] for one, name in zip(*axis.get_legend_handles_labels(), strict=True)
-        }
-        fig.legend(told.values(), told, loc="outside lower center", ncols=1 if narrow else len(told))
+        legend_below(fig, *axes[0])
         say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig
 
@@ -95,7 +94,7 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
     base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
     upper.plot(at, base, color=FORMULA, linestyle=DASH, label=view.predictions[0].name)
     if len(view.predictions) > 1:
-        banded(upper, at, best, sigma, alpha=0.2, color=RENDER, label=view.predictions[-1].name)
+        banded(upper, at, best, sigma, alpha=0.2, color=RENDER, label=view.predictions[-1].short_name)
     upper.errorbar(
         at[~out], value[~out], sigma[~out], fmt="o", color=DATA, markersize=3, linewidth=0.9, label="readings"
     )
@@ -219,7 +218,7 @@ def residual_map(view: ReadingsView, narrow: bool = False) -> Figure:
         return _grid_map(view)
     readings, scan, shown = view.readings, "y_m" if view.scan_axis == "y_m" else "x_m", steps(view)
     there = view.bands()
-    bands = few(there, MOST_NARROW if narrow else _MOST_PANELS)
+    bands = few(there, _MOST_NARROW if narrow else _MOST_PANELS)
     panels = [(step, band) for step, _ in shown for band in bands]
     side_by_side = len(bands) > 1 and not narrow
     columns = 1 if narrow else len(bands) if side_by_side else len(shown)
@@ -254,7 +253,7 @@ def _grid_map(view: ReadingsView) -> Figure:
                 at = group.rows
                 dots = misfit_dots(axis, view, step, readings.x_m[at], readings.y_m[at], at)
                 axis.margins(0.12)
-            row[0].set_ylabel(f"{view.predictions[step].short_name}\ny (m)")
+            row[0].set_ylabel(f"{fill(view.predictions[step].short_name, _ONE_LINE)}\ny (m)")
         for axis, group in zip(axes[0], groups, strict=True):
             axis.set_title(group.label)
         for axis in axes[-1]:
@@ -270,7 +269,7 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
     Over the scans; of single places over their distance from the axis, where no line joins them.
     """
     panels = [Group("", np.arange(len(view.readings.value)))] if view.is_scattered else _panels(view)
-    panels = few(panels, MOST_NARROW) if narrow else panels
+    panels = few(panels, _MOST_NARROW) if narrow else panels
     size = (NARROW, 0.9 + 2.3 * len(panels)) if narrow else (WIDTH if len(panels) > 1 else 6.0, 3.4)
     with figure(*size) as fig:
         grid = (len(panels), 1) if narrow else (1, len(panels))
@@ -302,8 +301,7 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
             across = "r (m), from the axis" if view.is_scattered else _AXIS_NAMES[view.scan_axis]
             label(axis, across, "", group.label)
         axes[0].set_ylabel("σ")
-        handles, names = axes[0].get_legend_handles_labels()
-        fig.legend(handles, names, loc="outside lower center", ncols=1 if narrow else min(len(names), 3))
+        legend_below(fig, axes[0])
         if not view.is_scattered:
             say_left_out(fig, len(panels), len(view.groups()) if view.scan_axis != "z_m" else 1)
     return fig

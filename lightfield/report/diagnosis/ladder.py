@@ -13,13 +13,26 @@ from matplotlib.patheffects import withStroke
 from lightfield.arrays import Array
 from lightfield.diagnosis.search.told_apart import SAME_CLASS_SIGMA
 from lightfield.diagnosis.verdict.parts import FAR_OFF_PERCENT, Rung
-from lightfield.report.diagnosis.figures import LEAST_PERCENT, MOST_NARROW, NARROW
+from lightfield.report.diagnosis.figures import LEAST_PERCENT, NARROW
 from lightfield.report.diagnosis.view import Separation
 from lightfield.report.page import three_digits
-from lightfield.report.style import FORMULA, GOOD, MUTED, RENDER, SERIES, WIDTH, figure, label, plain_log_axis
+from lightfield.report.style import (
+    FORMULA,
+    GOOD,
+    LETTER,
+    MUTED,
+    RENDER,
+    SERIES,
+    WIDTH,
+    figure,
+    label,
+    plain_log_axis,
+)
 from lightfield.wording import plain
 
 _SURE_SIGMA = 6.0
+#: Inches that the axis takes, and the number beside a point. Chosen by eye.
+_AXIS_IN, _OF_A_NUMBER = 0.9, 0.6
 #: Rungs whose errors lie farther apart than this are drawn on a logarithmic axis.
 FAR_APART = 8.0
 
@@ -35,7 +48,10 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
     ]
     error, held_out = np.maximum(error, LEAST_PERCENT), np.maximum(held_out, LEAST_PERCENT)
     wide = NARROW if narrow else max(4.5, min(WIDTH, 2.6 + 1.6 * len(ladder)))
-    with figure(wide, 3.2) as fig:
+    names = [plain(rung.label) for rung in ladder]
+    room = (wide - _AXIS_IN) / len(ladder)
+    fits = max(len(line) for name in names for line in name.splitlines()) * LETTER < room
+    with figure(wide, 3.2 if fits or not narrow else 4.2) as fig:
         axis = fig.subplots()
         if noise_floor_percent is not None:
             _noise_floor(axis, noise_floor_percent)
@@ -44,7 +60,10 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
             each = "each plane predicted from the others"
             axis.plot(at, held_out, "D", color=MUTED, mfc="none", markersize=6, label=each)
         shown = np.isfinite(error)  # a dark model has no error in per cent
-        for k in np.flatnonzero(shown):
+        told = np.flatnonzero(shown)
+        if room < _OF_A_NUMBER:  # the table has them all
+            told = told[[0, -1]]
+        for k in told:
             # Under the line of the floor a number stands below its point, or the line would cross it.
             below = noise_floor_percent is not None and error[k] <= noise_floor_percent
             beside = (8, -14 if below else 5)
@@ -60,11 +79,11 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
                 )  # fmt: skip
         floor = [] if noise_floor_percent is None else [noise_floor_percent]
         _over_all(axis, np.concatenate([error[shown], held_out[np.isfinite(held_out)], floor]))
-        names = [plain(rung.label) for rung in ladder]
-        if narrow and len(ladder) > MOST_NARROW:
-            axis.set_xticks(at, names, rotation=60, ha="right", rotation_mode="anchor")
-        else:
+        if fits:
             axis.set_xticks(at, names)
+        else:
+            turn = 60 if narrow else 20
+            axis.set_xticks(at, names, rotation=turn, ha="right", rotation_mode="anchor")
         axis.set_xlim(-0.4, len(ladder) - 0.4)
         axis.grid(False, axis="x")
         axis.set_ylabel("rms error (%)")
@@ -75,11 +94,8 @@ def ladder_figure(ladder: Sequence[Rung], noise_floor_percent: float | None, nar
 
 def _noise_floor(axis: Axes, percent: float) -> None:
     axis.axhspan(0, percent, color=GOOD, alpha=0.14, linewidth=0)
-    axis.axhline(percent, color=GOOD, linewidth=1.2)
-    axis.annotate(
-        f"noise floor {three_digits(percent)} %", (0, percent), (5, 4), xycoords=("axes fraction", "data"),
-        textcoords="offset points", color=GOOD, fontsize=9.5,
-    )  # fmt: skip
+    # Named in the legend: beside the line there is a point wherever an error comes near to it.
+    axis.axhline(percent, color=GOOD, linewidth=1.2, label=f"noise floor {three_digits(percent)} %")
 
 
 def _over_all(axis: Axes, percent: Array) -> None:

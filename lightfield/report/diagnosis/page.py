@@ -28,12 +28,14 @@ from lightfield.diagnosis.verdict.words.effects import (
     as_well,
     called,
     effect_size,
+    half_widths,
     has_no_equal,
     instead,
     means_something,
     short_level,
     why_first,
 )
+from lightfield.diagnosis.verdict.words.floor import why_below
 from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
@@ -230,14 +232,6 @@ def _about_error(ladder: Sequence[Rung]) -> str:
     return f"The error {course}, chi-square falls"
 
 
-def _left_of_noise(verdict: Verdict) -> float:
-    """Part of the noise that a fit leaves at least: its numbers take their share, and two standard deviations
-    are chance."""
-    n, numbers = verdict.readings, len(verdict.ladder[-1].parameters)
-    spare = max(n - numbers, 1)
-    return max((spare / n) ** 0.5 * (1 - 2 / (2 * spare) ** 0.5), 0.0)
-
-
 def _lead(verdict: Verdict) -> list[str]:
     ladder, floor = verdict.ladder, verdict.noise_floor_percent
     first, last = ladder[0].error_percent, ladder[-1].error_percent
@@ -253,11 +247,8 @@ def _lead(verdict: Verdict) -> list[str]:
         lines.append(_FORMULA_IS_NOT_CAUSE)
     else:
         lines.append(f"The error is {_optional(first, 2)} %; the noise floor is {_floor(floor)} %.")
-    if last is not None and floor is not None and last < _left_of_noise(verdict) * floor:
-        lines.append(
-            "The floor lies above the error: the errors of the readings, as stated or as their scatter was "
-            "judged, are larger than what is left."
-        )
+    if why := why_below(verdict):
+        lines.append(why)
     if verdict.run > 1:
         lines.append(
             f"This is look {verdict.run} at these readings. Every look spends some of their power: keep a "
@@ -285,10 +276,11 @@ def _found(one: FoundEffect) -> dict[str, str | list[str]]:
 
 def _light(what: WaterAndBeam) -> list[str]:
     """a, b, K, with its error if that is known, and half width."""
-    values = (what.absorption_per_m, what.scattering_per_m, what.attenuation_per_m, what.hwhm_deg)
-    a, b, attenuation, width = (f"{value:.3g}" for value in values)
+    values = (what.absorption_per_m, what.scattering_per_m, what.attenuation_per_m)
+    a, b, attenuation = (f"{value:.3g}" for value in values)
     stderr = what.attenuation_stderr_per_m
-    return [a, b, attenuation if stderr is None else f"{attenuation} ± {stderr:.1g}", width]
+    known = attenuation if stderr is None else f"{attenuation} ± {stderr:.1g}"
+    return [a, b, known, half_widths(what, 3)]
 
 
 def _rung(rung: Rung) -> list[str]:

@@ -23,6 +23,7 @@ class Warns(str, Enum):
     ASSUMED_ON_TRUST = "assumed errors on trust"
     MISFIT_IGNORED = "misfit within the tolerance"
     AT_BOUNDARY = "at boundary"
+    CURVE_AT_BOUNDARY = "curve at boundary"
     OF_ITS_PHASE = "scattering is that of its phase function"
     OF_THE_SCENES_PHASE = "scattering is that of the scene's phase function"
     WIDTH = "width far from the scene's"
@@ -94,6 +95,8 @@ _WORDS = {
     "fit may take it for something else",
     Warns.MISFIT_IGNORED: "a significant misfit is smaller than the tolerance and was ignored",
     Warns.AT_BOUNDARY: "{about} lies at the edge of its plausible range ({fitted:g}): not a finding",
+    Warns.CURVE_AT_BOUNDARY: "the curve {about} lies at the edge of its plausible range (in {functions:g} of "
+    "its functions): not a finding",
     Warns.OF_ITS_PHASE: "b and g, and the absorption beside them, are those of a Henyey-Greenstein phase "
     "function; where the water's own is "
     "more peaked, its b is larger than this one (in rendered waters up to twice after Petzold, up to four "

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
+
 import numpy as np
 from scipy import special
 
@@ -11,7 +14,8 @@ from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
-from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Reason
+from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, Reason
+from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.readings import Readings
 
 #: Factors on the stated variance from which on they are spoken of, if their chances are less than these.
@@ -62,14 +66,32 @@ def cautions(
     if is_of_the_search_alone(prepared.problem, finding.best.fit if finding.best else finding.level.base):
         out.append(Caution(warns=Warns.UNSETTLED))
     for explanation in explanations[:1]:
-        for path, estimate in explanation.parameters.items():
-            if estimate.reason is Reason.AT_BOUNDARY:
-                out.append(Caution(warns=Warns.AT_BOUNDARY, about=path, values={"fitted": estimate.value}))
+        out += at_boundary(explanation.parameters)
         if "water.phase.g" in explanation.parameters:
             out.append(Caution(warns=Warns.OF_ITS_PHASE))
         elif _SETTLING in explanation.parameters:
             out.append(Caution(warns=Warns.OF_THE_SCENES_PHASE, about=_SETTLING))
     return out
+
+
+def at_boundary(parameters: Mapping[str, Estimate]) -> list[Caution]:
+    """What lies at the edge of its range: a caution for each parameter, and one for a curve.
+
+    Parameters
+    ----------
+    parameters : mapping
+        Of the best set, by path.
+    """
+    held = {path: e.value for path, e in parameters.items() if e.reason is Reason.AT_BOUNDARY}
+    alone = [path for path in held if not is_amplitude(path)]
+    of_curves = Counter(field_of(path) for path in held if is_amplitude(path))
+    return [
+        *(Caution(warns=Warns.AT_BOUNDARY, about=path, values={"fitted": held[path]}) for path in alone),
+        *(
+            Caution(warns=Warns.CURVE_AT_BOUNDARY, about=field, values={"functions": count})
+            for field, count in of_curves.items()
+        ),
+    ]
 
 
 def _spare(finding: SearchResult) -> float:

@@ -61,7 +61,11 @@ _EXCHANGED = 0.25
 
 
 def hints(
-    forward: SceneForward, problem: Problem, fit: Fit, calibration: float | None = None
+    forward: SceneForward,
+    problem: Problem,
+    fit: Fit,
+    calibration: float | None = None,
+    nearly_fits: bool = True,
 ) -> list[Caution]:
     """Cautions about fitted values that no guess is so far off.
 
@@ -71,11 +75,15 @@ def hints(
         Of the best model.
     calibration : float, optional
         Relative standard error of the calibration; None on a relative scale.
+    nearly_fits : bool
+        Of a model that misses the readings by far, width and absorption stand in for what it lacks, and say
+        nothing of the table.
     """
     scene, values = forward.scene, fit.values
     gain = _gain(scene, values, calibration)
     found = [
-        _width(scene, forward.scenes.at(values, validate=False)), _absorption(forward, problem, fit),
+        _width(scene, forward.scenes.at(values, validate=False)) if nearly_fits else None,
+        _absorption(forward, problem, fit) if nearly_fits else None,
         gain, _immersed(forward, gain), _of_band(forward, gain, calibration), _amplifying(fit),
         _coarse_table(forward, problem), _beyond_table(scene, forward.readings),
     ]  # fmt: skip

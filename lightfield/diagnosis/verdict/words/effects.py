@@ -13,6 +13,7 @@ from lightfield.diagnosis.verdict.parts import (
     NearestRival,
     Rung,
     Unnamed,
+    WaterAndBeam,
 )
 from lightfield.diagnosis.verdict.speech import exactly, join, roughly, short
 from lightfield.fitting import effects
@@ -33,6 +34,9 @@ _DETAIL = " detail of the lamp that its curve leaves out"
 #: From this rms change of the logarithm of readings on it is told as a factor, and as none that is beyond
 #: numbers. Chosen: words alone.
 _A_PART, _MOST_LOG = 0.3, 500.0
+#: A beam that is longer than across by less than the first is hardly oval, and by less than the second so by
+#: per cent, of which a factor has no digits to tell. Chosen: words alone.
+_HARDLY_OVAL, _BY_PERCENT = 1e-3, 0.1
 #: What may replace an effect, of which so many are told. Chosen: words alone.
 _ALTERNATIVES_TOLD = 3
 
@@ -150,6 +154,12 @@ def changes(rms: float) -> str:
     return f"changing the readings by a factor of {rounded(math.exp(min(rms, _MOST_LOG)))} (rms)"
 
 
+def half_widths(what: WaterAndBeam, digits: int) -> str:
+    """The half width of a beam in degrees; of an oval one where it is narrowest and where widest."""
+    ends = [f"{deg:.{digits}g}" for deg in what.oval_hwhm_deg or (what.hwhm_deg,)]
+    return " and ".join(dict.fromkeys(ends))
+
+
 def _as_an_oval(parameters: Mapping[str, Estimate]) -> str:
     """What two ellipticities are together: how long the oval is, and where it points."""
     if not {*_OVAL} <= {*parameters}:
@@ -157,7 +167,15 @@ def _as_an_oval(parameters: Mapping[str, Estimate]) -> str:
     lamp = Lamp(**{path.rpartition(".")[2]: parameters[path].value for path in _OVAL})
     narrow, wide = oval_widths(lamp)
     turn_deg = math.degrees(widest_turn(lamp))
-    return f" ({wide / narrow:.3g} times as wide as across at {turn_deg:.0f} degrees from x towards y)"
+    longer = wide / narrow - 1
+    if longer < _HARDLY_OVAL:
+        return " (hardly oval)"
+    by = (
+        f"{short(100 * longer, 2)} % wider than"
+        if longer < _BY_PERCENT
+        else f"{1 + longer:.3g} times as wide as"
+    )
+    return f" ({by} across at {turn_deg:.0f} degrees from x towards y)"
 
 
 def so_far(found: Sequence[FoundEffect], ladder: Sequence[Rung], misfit: str = "") -> tuple[str, ...]:

@@ -151,9 +151,10 @@ def _one_of(v: VerdictData, told: Sequence[AcceptedExplanation], rival: NearestR
     what = f"{capital(_either([one.effects for one in told[:_NAMED]], more))}: these readings cannot tell"
     if rival is None:
         return Said.of(f"{what}{_within(v)}.", *others)
-    apart = f"the first lies {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
-    first = Said(f"{what} ({apart}){_within(v)}.", f"{what}{_within(v)}.", (f"{capital(apart)}.",))
-    return reduce(Said.then, others, first)
+    first = f"{join(told[0].effects)} {'lies' if len(told[0].effects) == 1 else 'lie'}"
+    apart = f"{first} {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
+    said = Said(f"{what} ({apart}){_within(v)}.", f"{what}{_within(v)}.", (f"{capital(apart)}.",))
+    return reduce(Said.then, others, said)
 
 
 def _either(sets: Sequence[Sequence[str]], more: str) -> str:

@@ -13,12 +13,15 @@ from lightfield.diagnosis.verdict.parts import (
     Reason,
     StatedEffect,
 )
-from lightfield.diagnosis.verdict.speech import in_unit
+from lightfield.diagnosis.verdict.speech import in_unit, join
 from lightfield.diagnosis.verdict.verdict_data import VerdictData
 from lightfield.wording import plain
 
 #: From here on the distance is told, though nothing is contradicted: one in twenty is so far away (chosen).
 _TOLD_SIGMA = 2.0
+#: An effect is there surely, and of hardly known size, where its removal is so many times as far in sigma as
+#: its size is from none by its error. Chosen: of five that nothing makes up for the two agree within 1.3.
+_FAR_SURER = 3.0
 
 
 def _clause(entry: StatedEffect) -> str:
@@ -83,9 +86,13 @@ def stated_lines(stated: Sequence[StatedEffect]) -> list[str]:
             out.append(f"stated: {_clause(entry)}")
         elif entry.judgement != Judgement.HELD:
             path, value = next(iter(entry.stated.items()))
+            size, beside = f"{path} = {_value(entry.fitted[path])} fitted", ""
+            if _is_hardly_sized(entry):  # two statements: that it is there, and how large beside those others
+                beside = f", but how large it is these readings hardly tell beside {join(entry.beside)}"
+                size += f" with {'that' if len(entry.beside) == 1 else 'these'} free"
             out.append(
-                f"stated: your scene's {plain(entry.effect or '')} {_standing(entry)}; "
-                f"{path} = {_value(entry.fitted[path])} fitted, {value:.4g} stated{_apart(entry)}"
+                f"stated: your scene's {plain(entry.effect or '')} {_standing(entry)}{beside}; "
+                f"{size}, {value:.4g} stated{_apart(entry)}"
             )
             if entry.if_free:
                 out.append(_conditional(entry, path, value))
@@ -98,6 +105,19 @@ def _conditional(entry: StatedEffect, path: str, value: float) -> str:
     """What is only known while a value of the scene is held."""
     others = "; ".join(f"{name} = {_value(one)}" for name, one in entry.if_free.items())
     return f"stated: what is fitted holds only if {path} = {value:.4g} is right; with that free {others}"
+
+
+def _is_hardly_sized(entry: StatedEffect) -> bool:
+    """Is an effect in the readings far more surely than the error of its size says, as others that are free
+    with it make up for one size by another, and not for none?"""
+    sure = entry.sigma_to_remove
+    if sure is None or not entry.beside or any(one.stderr is None for one in entry.fitted.values()):
+        return False
+    known = (
+        (one.value - entry.neutral[p], one.stderr) for p, one in entry.fitted.items() if p in entry.neutral
+    )
+    by_size = [abs(size) / error for size, error in known if error]
+    return bool(by_size) and sure > _FAR_SURER * max(by_size)
 
 
 def _apart(entry: StatedEffect) -> str:

@@ -108,6 +108,8 @@ def test_what_a_rival_explains_as_well_is_no_contradiction() -> None:
     assert found.verdict.verdict == "ambiguous"
     assert stated(found, "beam_tilt").judgement == "undecided"
     assert "Beam tilt unlike your scene's or acceptance" in found.verdict.sentence
+    others = [name for name in found.verdict.effects if name != "beam_tilt"]
+    assert stated(found, "beam_tilt").beside == others
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -119,6 +121,7 @@ def test_what_is_rightly_stated_is_supported(seed: int) -> None:
         "background": "supported", "beam_tilt": "supported", "lamp_drift": "supported"
     }  # fmt: skip
     assert all(e.sigma_to_remove > 5 > e.sigma_from_stated for e in found.verdict.stated)
+    assert all(e.beside == [] for e in found.verdict.stated)
 
 
 def test_what_is_too_small_to_be_seen_is_left_open() -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ from analytic_readings import readings
 from benchmarks.garbage.judge import page
 from benchmarks.garbage.tables import ERRORS, KINDS, Table, believed, tables
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.ladder import rms_over
 from lightfield.diagnosis.verdict.terminal import as_text
+from lightfield.diagnosis.verdict.trust import left_by_fit
 from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.readings import Readings
 from lightfield.scene import Scene
@@ -178,3 +182,21 @@ def test_the_page_of_the_benchmark_counts_what_was_said() -> None:
     text = page([row, row | {"verdict": "unexplained", "draw": 1}], "0")
     assert "**2 tables: 1 identified, 0 ambiguous, 0 none, 1 unexplained, 0 error.**" in text
     assert "| uniform, errors none, 0 | A beam. |" in text
+
+
+@pytest.mark.parametrize(("large", "followed"), [(0.01, 0.07), (0.1, 0.01)])
+def test_what_a_fit_leaves_of_the_floor_is_what_fits_leave(large: float, followed: float) -> None:
+    """Of eight numbers, to readings of which some may have large errors: as of many draws of the noise."""
+    rng = np.random.default_rng(1)
+    model, counted = np.ones(60), np.arange(60) < 50
+    floor = np.where(np.arange(60) % 20, 0.01, large)
+    slopes = rng.standard_normal((60, 8)) / floor[:, None]
+    fit = SimpleNamespace(jacobian=slopes, at_bound=lambda: np.zeros(8, bool), prediction=model)
+    noise = rng.standard_normal((60, 4000))
+    basis = np.linalg.qr(slopes)[0]
+    left = floor[:, None] * (noise - basis @ (basis.T @ noise))
+    drawn = 100 * np.sqrt(np.mean(left[counted] ** 2, axis=0))
+    rms, chance = left_by_fit(floor, cast(Any, fit), counted)
+    assert rms == pytest.approx(np.sqrt(np.mean(drawn**2)), rel=0.05)
+    assert chance == pytest.approx(drawn.std(), rel=0.25)
+    assert 1 - rms / rms_over(floor[counted], model[counted]) == pytest.approx(followed, rel=0.3)

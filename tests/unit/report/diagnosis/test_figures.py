@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
 from lightfield.report.diagnosis.figures import residual_map
+from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.diagnosis.single_places import place_map
 from lightfield.report.diagnosis.view import DrawnReadings, Prediction, ReadingsView
+from lightfield.report.style import figure, legend_below
 
 
 @pytest.mark.parametrize("draw", [residual_map, place_map])
@@ -36,3 +39,47 @@ def test_a_band_that_is_wide_leaves_its_curve_to_be_seen() -> None:
     upper, lower = curve_figure((lost,)).axes
     assert upper.get_ylim() == pytest.approx((0.4 - 0.3, 1.0 + 0.3))
     assert lower.get_ylim()[1] > 2 * 36.0
+
+
+def _floors(count: int) -> list[Rung]:
+    names = ["base", *(f"+ beam profile {k}" for k in range(1, count))]
+    return [
+        Rung(label=name, effects=[], error_percent=9.0 - k, chi2_per_dof=1.0, held_out_percent=None,
+             parameters={}, scene="")
+        for k, name in enumerate(names)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("count", "narrow"), [(2, False), (8, False), (2, True), (8, True)])
+def test_names_of_many_rungs_do_not_run_into_each_other(count: int, narrow: bool) -> None:
+    axis = ladder_figure(_floors(count), 1.0, narrow).axes[0]
+    many = count > 2
+    assert [label.get_rotation() > 0 for label in axis.get_xticklabels()] == [many] * count
+    # In a narrow figure of many there is room for the first number and the last.
+    assert len(axis.texts) == (2 if many and narrow else count)
+
+
+@pytest.mark.parametrize("width", [4.3, 10.0])
+def test_a_legend_is_no_wider_than_its_figure(width: float) -> None:
+    """Seven effects were named in one line, and both of its ends were cut off."""
+    with figure(width, 4.0) as fig:
+        axes = fig.subplots()
+        for name in ("base", " + ".join(["attenuation profile"] * 7), "readings", "left out"):
+            axes.plot([0, 1], [0, 1], label=name)
+        legend_below(fig, axes)
+        fig.canvas.draw()
+        box = fig.legends[0].get_window_extent()
+    assert box.x0 >= 0 and box.x1 <= fig.bbox.x1
+
+
+@pytest.mark.parametrize("narrow", [False, True])
+def test_every_curve_is_titled_with_its_effect(narrow: bool) -> None:
+    """Two panels said by how much they change the readings, and not what they are of."""
+    at = np.linspace(0, 12, 40)
+    two = [
+        FittedCurve(field, "", "", at, 1 - 0.05 * at, 0.01 + 0 * at, 0.9 + 0 * at, 0.16)
+        for field in ("lamp.profile_departure", "water.absorption_departure")
+    ]
+    titles = [one.get_title("left") + one.get_title() for one in curve_figure(two, narrow).axes[::2]]
+    for title, name in zip(titles, ("beam profile", "attenuation profile"), strict=True):
+        assert title.splitlines() == [name, "changing the readings by 16 % rms"]

@@ -8,7 +8,7 @@ import pytest
 from analytic_readings import scene
 from verdict_data import LIGHT, effect, explanation, verdict_data
 
-from lightfield.diagnosis.verdict.best_set.found_effects import _stderr_of_attenuation
+from lightfield.diagnosis.verdict.best_set.found_effects import _stderr_of_attenuation, _water_and_beam
 from lightfield.diagnosis.verdict.parts import Estimate, Reason
 from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -44,3 +44,17 @@ def test_an_attenuation_is_told_with_its_error() -> None:
         found = [effect("background", "certain").model_copy(update={"with_it": light})]
         data = verdict_data("identified", explanation("background"), found=found)
         assert f"\nwith all: a = 0.1, b = 0, {said}" in as_text(Verdict(**dict(data)))
+
+
+def test_of_an_oval_lamp_both_half_widths_are_worked_out() -> None:
+    values = {"lamp.hwhm_deg": 5.2, "lamp.ellipticity": 1.118, "lamp.ellipticity_diagonal": 0.8249}
+    scenes = SimpleNamespace(at=lambda there, validate: scene().with_values(there))
+    forward = SimpleNamespace(
+        scenes=scenes, light=SimpleNamespace(diffuse=SimpleNamespace(wavelengths_nm=[520.0]))
+    )
+    found = _water_and_beam(forward, SimpleNamespace(values=values))
+    assert found.hwhm_deg == pytest.approx(5.2) and found.oval_hwhm_deg == pytest.approx(
+        (4.92, 6.15), abs=0.01
+    )
+    alone = SimpleNamespace(values={"lamp.hwhm_deg": 5.2})
+    assert _water_and_beam(forward, alone).oval_hwhm_deg is None

@@ -14,7 +14,8 @@ from lightfield.diagnosis.problem.assumed import Assumed, Term
 from lightfield.diagnosis.verdict.cautions import noise_and_fit
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.next_measurement import Asks, NextMeasurement
-from lightfield.diagnosis.verdict.parts import PlaceToRead
+from lightfield.diagnosis.verdict.parts import Estimate, PlaceToRead, Reason
+from lightfield.fitting.curves import ABSORPTION, PROFILE
 from lightfield.readings.load_warning import LoadWarning, Remarks
 
 NUMBERS = {
@@ -28,6 +29,7 @@ NUMBERS = {
     Warns.LESS_ABSORPTION: {"ratio": 0.25, "fitted": 0.025, "stated": 0.1},
     Warns.IMMERSED: {"factor": 1.37},
     Warns.GAIN: {"ratio": 1.57, "power_w": 30.0, "calibration_percent": 10.0},
+    Warns.CURVE_AT_BOUNDARY: {"functions": 2.0},
     Warns.AMPLIFIES: {"least_per_m": -0.036},
     Warns.OF_BAND: {"ratio": 0.106},
     Warns.EXCHANGED: {"exchanged": 1.1, "as_given": 57.0},
@@ -132,6 +134,22 @@ def test_scattering_is_that_of_a_phase_function(
     told = SimpleNamespace(parameters={path: SimpleNamespace(reason=None) for path in fitted})
     found = noise_and_fit.cautions(SimpleNamespace(warnings=[]), prepared, finding, [told])
     assert [one.warns for one in found] == ([warns] if warns else [])
+
+
+def test_a_curve_at_the_edge_of_its_range_is_warned_of_once() -> None:
+    """Not in a line for each of its functions; of a lamp's that may not bend more nothing is to be said."""
+    edge, bent = Reason.AT_BOUNDARY, Reason.BENDS_NO_MORE
+    reasons = {
+        f"{PROFILE}.7": bent,
+        f"{ABSORPTION}.1": edge,
+        "lamp.tilt_x_deg": edge,
+        f"{ABSORPTION}.3": edge,
+    }
+    found = noise_and_fit.at_boundary({p: Estimate(value=0.5, reason=why) for p, why in reasons.items()})
+    assert [(one.warns, one.about, one.values) for one in found] == [
+        (Warns.AT_BOUNDARY, "lamp.tilt_x_deg", {"fitted": 0.5}),
+        (Warns.CURVE_AT_BOUNDARY, ABSORPTION, {"functions": 2.0}),
+    ]
 
 
 def test_what_effects_explain_is_no_scatter() -> None:

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from analytic_readings import readings, scene
 
 from lightfield.diagnosis.diagnose import diagnose
+from lightfield.diagnosis.verdict.cautions.caution import Warns
+from lightfield.diagnosis.verdict.cautions.plausibility import hints
+from lightfield.diagnosis.verdict.compose import _nearly_fits
+from lightfield.diagnosis.verdict.parts import Kind
 from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings.readings import Readings
@@ -57,6 +62,36 @@ def test_a_decadic_coefficient_shows_in_the_absorption() -> None:
     table, believed = readings({"water.absorption_per_m": 0.3}, seed=2)
     (told,) = warnings(table, believed)
     assert "2.5 times the scene's" in told and "decadic" in told
+
+
+def test_values_of_a_set_that_misses_the_readings_are_no_hints() -> None:
+    """Beside a chi-square of 36 per reading an absorption of 0.44 times the scene's asked for the medium."""
+    table, believed = readings({"water.absorption_per_m": 0.3}, seed=2)
+    found = diagnose(table, believed, diffuse=None, only=["background"], advise=False)
+    forward, problem, fit = found.forward, found.prepared.problem, found.steps[-1].fit
+    assert [one.warns for one in hints(forward, problem, fit)] == [Warns.MORE_ABSORPTION]
+    assert hints(forward, problem, fit, nearly_fits=False) == []
+
+
+@pytest.mark.parametrize(
+    ("chi2", "kind", "scale", "stated", "nearly"),
+    [
+        (35.9, Kind.UNEXPLAINED, 26.0, True, False),  # a misfit is no noise
+        (35.9, Kind.UNEXPLAINED, 26.0, False, True),  # of errors that nobody has stated it may be
+        (35.9, Kind.IDENTIFIED, 26.0, True, True),
+        (1.8, Kind.UNEXPLAINED, 1.0, True, True),
+    ],
+)
+def test_a_set_nearly_fits_by_the_errors_that_are_credible(
+    chi2: float, kind: Kind, scale: float, stated: bool, nearly: bool
+) -> None:
+    finding = SimpleNamespace(
+        level=SimpleNamespace(bench=SimpleNamespace(phi=1.0)), scale=scale,
+        size=None if kind is Kind.UNEXPLAINED else 1, withheld=False, in_part=False,
+    )  # fmt: skip
+    prepared, last = SimpleNamespace(errors_stated=stated), SimpleNamespace(chi2_per_dof=chi2)
+    basis = SimpleNamespace(finding=finding, prepared=prepared, steps=[last])
+    assert _nearly_fits(cast(Any, basis), kind) is nearly
 
 
 def test_x_and_y_exchanged_show_where_the_lamp_tells_them_apart() -> None:

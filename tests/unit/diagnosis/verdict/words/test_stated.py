@@ -27,6 +27,38 @@ def test_a_size_far_from_the_stated_one_is_not_passed_over(far: float | None, to
     assert ("2.9 sigma apart" in line) is told
 
 
+@pytest.mark.parametrize(
+    ("stderr", "beside", "said"),
+    [
+        (
+            0.54,
+            ["acceptance", "background"],
+            "tell beside acceptance and background; lamp.tilt_x_deg = 0.6111",
+        ),
+        (0.54, ["acceptance"], "0.6111 ± 0.54 deg fitted with that free, 0.6078 stated"),
+        (0.54, [], None),
+        (0.0021, ["background"], None),
+    ],
+)
+def test_an_effect_that_is_surely_there_is_not_of_a_size_that_may_be_none(
+    stderr: float, beside: list[str], said: str | None
+) -> None:
+    """A tilt of 297 sigma was 0.61 +- 0.54 degrees: an acceptance makes up for another tilt, not for none."""
+    paths = ("lamp.tilt_x_deg", "lamp.tilt_y_deg")
+    entry = StatedEffect(
+        effect="beam_tilt", judgement=Judgement.SUPPORTED, stated={paths[0]: 0.6078, paths[1]: -0.005},
+        neutral=dict.fromkeys(paths, 0.0), beside=beside, sigma_to_remove=297.3,
+        fitted={
+            paths[0]: Estimate(value=0.6111, stderr=stderr, unit="deg"),
+            paths[1]: Estimate(value=-0.005, stderr=0.005, unit="deg"),
+        },
+    )  # fmt: skip
+    (line,) = stated_lines([entry])
+    assert "is in the readings (297.3 sigma)" in line
+    assert ("these readings hardly tell beside" in line) is (said is not None)
+    assert said is None or said in line
+
+
 def test_an_effect_of_the_scene_that_is_not_there_reads_as_taken_away() -> None:
     """A tank of the scene's walls is the one without the finding, not with it."""
     gone = {"tank.wall_albedo": Estimate(value=0.0, reason=Reason.HELD)}

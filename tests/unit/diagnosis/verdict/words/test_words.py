@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from verdict_data import effect, explanation, verdict_data
+from verdict_data import LIGHT, effect, explanation, verdict_data
 
 from lightfield.diagnosis.adequacy.structure import Structure
 from lightfield.diagnosis.verdict.next_measurement import repeat, what_next
@@ -20,7 +20,7 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import effect_size, means_something, why_first
+from lightfield.diagnosis.verdict.words.effects import effect_size, half_widths, means_something, why_first
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
@@ -110,7 +110,7 @@ def test_reasons_are_written_as_ever() -> None:
     ]
     assert written == [
         "held", "at boundary", "did not move the model", "undetermined",
-        "undetermined: error wider than the allowed range", "none at all",
+        "undetermined: error wider than the allowed range", "none at all", "bends no more",
     ]  # fmt: skip
 
 
@@ -126,10 +126,10 @@ RIVAL = NearestRival(effects=["acceptance"], separation_sigma=5.0)
          "Scattering and beam tilt are missing in the model within 1 %.",
          ["Family: water; the next rival, acceptance, is 5.0 sigma away."]),
         ("ambiguous", [("scattering",), ("acceptance",)], RIVAL,
-         "Scattering or acceptance: these readings cannot tell (the first lies 5.0 sigma from acceptance) "
+         "Scattering or acceptance: these readings cannot tell (scattering lies 5.0 sigma from acceptance) "
          "within 1 %.",
          "Scattering or acceptance: these readings cannot tell within 1 %.",
-         ["The first lies 5.0 sigma from acceptance."]),
+         ["Scattering lies 5.0 sigma from acceptance."]),
         ("ambiguous", [("scattering",), ("acceptance",)], None,
          "Scattering or acceptance: these readings cannot tell within 1 %.",
          "Scattering or acceptance: these readings cannot tell within 1 %.", []),
@@ -298,6 +298,30 @@ def test_a_curve_that_changes_readings_many_times_is_told_as_a_factor(percent: f
     """The rms change of a logarithm was called "502 % rms of the readings"."""
     one = effect("beam_profile", "certain").model_copy(update={"rms_percent": percent})
     assert effect_size(one) == said
+
+
+@pytest.mark.parametrize(
+    ("ellipticity", "said"),
+    [
+        (1.25, "1.25 times as wide as across at 90 degrees from x towards y"),
+        (1.0034, "0.34 % wider than across at 90 degrees from x towards y"),
+        (1.0004, "hardly oval"),
+    ],
+)
+def test_an_oval_is_told_with_digits_that_say_something(ellipticity: float, said: str) -> None:
+    """ "1 times as wide as across" was said of a beam that 4.4 sigma told from a round one."""
+    sizes = {"lamp.ellipticity": ellipticity, "lamp.ellipticity_diagonal": 1.0}
+    one = effect("beam_ellipticity", "certain").model_copy(
+        update={"parameters": {path: Estimate(value=value, stderr=1e-4) for path, value in sizes.items()}}
+    )
+    assert effect_size(one).endswith(f" ({said})")
+
+
+def test_of_an_oval_beam_both_half_widths_are_told() -> None:
+    """5.2 degrees, of an oval of 4.92 and 6.15: it was that of its profile, in no direction its own."""
+    oval = LIGHT.model_copy(update={"hwhm_deg": 5.2, "oval_hwhm_deg": (4.9213, 6.1498)})
+    assert (half_widths(oval, 3), half_widths(LIGHT, 3)) == ("4.92 and 6.15", "4")
+    assert half_widths(oval.model_copy(update={"oval_hwhm_deg": (5.278, 5.281)}), 3) == "5.28"
 
 
 def test_nought_has_no_sign() -> None:
