@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from lightfield.diagnosis.course import Inquiry, Outcome, course
+from lightfield.diagnosis.course import Outcome, course
+from lightfield.diagnosis.knowledge import Inquiry
 from lightfield.diagnosis.search.followed import scatters
 
 #: Photons for what was reflected under a surface, over those in clear water, where all hangs on it. Chosen:

@@ -5,26 +5,24 @@ Each stage takes what is known and gives what is known then.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from lightfield.diagnosis.adequacy.score_tests import Adequacy
+from lightfield.diagnosis.knowledge import Inquiry, Knowledge
 from lightfield.diagnosis.problem.candidates import go_together
 from lightfield.diagnosis.problem.local_unknowns import left_by_an_unknown, with_unknowns
 from lightfield.diagnosis.problem.problem import MANY, Problem
 from lightfield.diagnosis.problem.setup import budget_of, problem_of
-from lightfield.diagnosis.problem.untestable import Hindrance, Untestable
 from lightfield.diagnosis.problem.whitening import unwhitened
-from lightfield.diagnosis.search.better_light.settled import is_nearly_explained, settled
+from lightfield.diagnosis.search.better_light.settled import is_nearly_explained
 from lightfield.diagnosis.search.cascade import SearchResult, search
 from lightfield.diagnosis.search.followed import can_follow, following, scatters
-from lightfield.diagnosis.search.many import beyond_two, is_overtaken, leaves, levelled, misses_by_far
-from lightfield.diagnosis.search.pool.any_number import Data, Ends, never
+from lightfield.diagnosis.search.many import is_overtaken, leaves, misses_by_far
+from lightfield.diagnosis.search.pool.any_number import Data
 from lightfield.diagnosis.search.preparation import Prepared, prepare_problem
-from lightfield.diagnosis.search.search_progress import Progress
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.diagnosis.search.truncation import with_truncation
 from lightfield.diagnosis.verdict import calibration, refutation
@@ -36,12 +34,8 @@ from lightfield.diagnosis.verdict.best_set.scattered_too import (
     with_scattering,
 )
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason
-from lightfield.diagnosis.verdict.trust import Trust, says_nothing, trust_of
-from lightfield.fitting.diffuse_light import DiffuseSource
-from lightfield.fitting.effects import Effect
+from lightfield.diagnosis.verdict.trust import Trust
 from lightfield.fitting.retraced import Retraced
-from lightfield.readings import Readings
-from lightfield.scene import Scene
 
 #: Variance over the stated one from which on more effects are asked whether they explain the scatter, and the
 #: part of it that they leave then. Chosen: by chance one set of 60 readings in 300 scatters so much; where
@@ -59,101 +53,6 @@ _AS_STATED = 1.25
 _FEWEST = 3
 #: Seed of the trace of a scene that scatters. Chosen: no other trace has it.
 _SEED = 9000
-
-
-@dataclass(frozen=True)
-class Inquiry:
-    """What is asked of readings.
-
-    Parameters
-    ----------
-    scene : Scene
-        What the experimenter believes.
-    source, without_diffuse
-        What gives scattered and reflected light, or why nothing does.
-    effects : sequence of Effect
-        That are considered.
-    is_settled_after : bool
-        Light is traced by the renderer: what is found is settled with light traced for it.
-    alpha : float
-        Family-wise false-alarm probability of the test of the base model.
-    seed : int
-        Of the bootstrap, and of the traces that scattered light is settled with.
-    progress : Progress
-        Told what begins, and the best set so far.
-    asked : sequence of str
-        Names of `effects`, where not all that are known were asked for.
-    """
-
-    readings: Readings
-    scene: Scene
-    source: DiffuseSource | None
-    without_diffuse: Hindrance | None
-    effects: Sequence[Effect]
-    is_settled_after: bool
-    alpha: float
-    seed: int
-    progress: Progress
-    asked: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class Knowledge:
-    """What is known of the readings so far.
-
-    Parameters
-    ----------
-    problem : Problem
-        As the table poses it, with the gain in its range.
-    untestable : dict
-        Effects that cannot be tested here, with reasons.
-    data : Data
-        Every usable reading, with every candidate.
-    prepared, finding
-        Noise and outliers; what was found.
-    rng : Generator
-        Of the bootstrap, as far as it was used.
-    is_settled : bool
-        The finding rests on light traced for it.
-    """
-
-    inquiry: Inquiry
-    problem: Problem
-    untestable: Untestable
-    data: Data
-    prepared: Prepared
-    finding: SearchResult
-    rng: np.random.Generator
-    is_settled: bool = False
-
-    def now(self, prepared: Prepared, finding: SearchResult) -> Knowledge:
-        """The same with another finding, and the noise that it was judged beside."""
-        return replace(self, prepared=prepared, finding=finding)
-
-    def in_its_light(self) -> Knowledge:
-        """The same with every usable reading in the light that the finding rests on."""
-        problem = replace(self.data.problem, forward=self.prepared.problem.forward)
-        return replace(self, data=replace(self.data, problem=problem))
-
-    def levelled(self) -> Knowledge:
-        """The same with how sure each of one or two effects is."""
-        return self.now(self.prepared, levelled(self.data, self.prepared, self.finding))
-
-    def with_more_effects(self, ends: Ends = never) -> Knowledge:
-        """What any number of effects explain, unless nothing would be believed."""
-        if says_nothing(self.prepared, self.finding):
-            return self
-        asked, now = self.inquiry, (self.data, self.prepared, self.finding)
-        return self.now(*beyond_two(*now, asked.alpha, asked.seed, asked.progress, ends))
-
-    def in_traced_light(self) -> Knowledge:
-        """What was found, in light traced for it."""
-        asked, now = self.inquiry, (self.data, self.prepared, self.finding)
-        return self.now(*settled(*now, self.rng, asked.alpha, asked.progress, asked.seed))
-
-    def trust(self, rng: np.random.Generator) -> Trust:
-        """How far the finding may be believed."""
-        return trust_of(self.prepared, self.finding, np.asarray(self.inquiry.readings.saturated, bool), rng)
 
 
 class Outcome(NamedTuple):
@@ -248,7 +147,7 @@ def _in_larger_errors(known: Knowledge) -> Knowledge | None:
     prepared = prepare_problem(begun, data.quoted, data.budget, rng, asked.alpha)
     finding = search(prepared, data.budget.tolerance, rng, asked.alpha, asked.progress)
     there = _explained(replace(known, data=data, prepared=prepared, finding=finding, rng=rng))
-    return there if there.finding.size is not None else None
+    return None if there.finding.size is None or _an_unknown_shows(there) else there
 
 
 def _of_any_number(known: Knowledge) -> Knowledge:
@@ -332,8 +231,17 @@ def _unless_an_unknown_does(known: Knowledge) -> Knowledge:
     if finding.size is None or known.problem.layout.size > MANY:
         return known
     scale = _variance_left(prepared, finding)
-    if scale < _TOO_SMALL:
+    if scale < _TOO_SMALL or not _an_unknown_shows(known):
         return known
+    beside = _beside_unknowns(known)
+    if beside is None or _variance_left(beside.prepared, beside.finding) >= max(_MENDS * scale, _AS_STATED):
+        return known
+    return beside
+
+
+def _an_unknown_shows(known: Knowledge) -> bool:
+    """Does a local unknown take so much of what is left beside what was found that one is to be sought?"""
+    prepared, finding = known.prepared, known.finding
     problem, sigma = prepared.problem, prepared.noise.sigma
     explanation = () if finding.best is None else finding.best.explanation
     fit = finding.level.base if finding.best is None else finding.best.fit
@@ -343,12 +251,7 @@ def _unless_an_unknown_does(known: Knowledge) -> Knowledge:
     off, light = (problem.value - fit.prediction) / sigma, fit.prediction / sigma
     moves = model.jacobian(model.at(fit.by_path), fit.prediction) / sigma[:, None]
     left = left_by_an_unknown(problem.layout, off, light, problem.keep, moves, fit.prediction)
-    if left >= _MENDS or problem.keep.sum() * np.log(1 / left) < _SHOWS:
-        return known
-    beside = _beside_unknowns(known)
-    if beside is None or _variance_left(beside.prepared, beside.finding) >= max(_MENDS * scale, _AS_STATED):
-        return known
-    return beside
+    return left < _MENDS and float(problem.keep.sum()) * np.log(1 / left) >= _SHOWS
 
 
 def _variance_left(prepared: Prepared, finding: SearchResult) -> float:

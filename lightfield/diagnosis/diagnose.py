@@ -16,7 +16,8 @@ from lightfield.diagnosis import ledger
 from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.clearer_light import by_clearer_light
-from lightfield.diagnosis.course import Inquiry, course
+from lightfield.diagnosis.course import course
+from lightfield.diagnosis.knowledge import Inquiry
 from lightfield.diagnosis.other_lamp import by_another_lamp
 from lightfield.diagnosis.problem.setup import source_of, spectral, with_usual_errors
 from lightfield.diagnosis.search.cascade import SearchResult

@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from lightfield.arrays import TINY
-from lightfield.diagnosis.course import Inquiry, Outcome, course
+from lightfield.diagnosis.course import Outcome, course
+from lightfield.diagnosis.knowledge import Inquiry
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.fitting.beam_width import WIDTH, beam_width_deg
 from lightfield.fitting.effects.free_form import BEAM_PROFILE

@@ -111,7 +111,10 @@ def left_figure(left: Sequence[LeftOver], narrow: bool = False) -> Figure:
             axes.axhline(1, color=MUTED, linewidth=0.8)
             percent_axis(axes.yaxis)
             what = f"{plain(one.name)}: {one.removed_percent:.0f} % of what is left"
-            label(axes, f"{one.coordinate} ({UNITS[one.coordinate]})", "light that is left", what)
+            if one.coordinate == "signal":  # over decades
+                axes.set_xscale("log")
+            unit = UNITS.get(one.coordinate, "over the largest")
+            label(axes, f"{one.coordinate} ({unit})", "light that is left", what)
         # Where the readings do not tell a parameter the band would leave nothing to be seen of the rest.
         reach = 1 + _REACH * max(np.abs(np.array([*one.factor, *one.read]) - 1).max() for one in shown)
         low, high = axes.get_ylim()

@@ -13,7 +13,7 @@ import pytest
 from analytic_readings import readings
 from scipy import special
 
-from lightfield.diagnosis import course
+from lightfield.diagnosis import course, knowledge
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.local_unknowns import left_by_an_unknown
@@ -216,27 +216,27 @@ def test_noise_leaves_nearly_all_beside_a_ripple(serial: float) -> None:
     """Also such that goes together from reading to reading; a swing of twice the noise leaves a fifth."""
     layout, rng = layout_of(readings(seed=1)[0]), np.random.default_rng(0)
     light, keep, none = np.full(layout.size, 100.0), np.ones(layout.size), np.zeros((layout.size, 0))
-    order = np.argsort(layout.time_s)
+    order, even = np.argsort(layout.time_s), rng.permutation(layout.size) + 1.0
     left = []
     for _ in range(200):
         noise = rng.standard_normal(layout.size)
         for now, before in zip(order[1:], order[:-1], strict=True):
             noise[now] = serial * noise[before] + np.sqrt(1 - serial**2) * noise[now]
-        left.append(left_by_an_unknown(layout, noise, light, keep, none))
+        left.append(left_by_an_unknown(layout, noise, light, keep, none, even))
     assert min(left) > course._MENDS
     swing = 2 * np.sqrt(2) * np.sin(2 * np.pi * layout.time_s / PERIOD_S)
     jump = (layout.time_s > np.median(layout.time_s)).astype(float)
-    assert 0 < left_by_an_unknown(layout, jump, light, keep, none) < 1e-9
+    assert 0 < left_by_an_unknown(layout, jump, light, keep, none, even) < 1e-9
     # As much of what the model can follow by itself is nobody's.
-    assert left_by_an_unknown(layout, swing, light, keep, swing[:, None] + np.zeros((1, 1))) == 1.0
-    assert left_by_an_unknown(layout, noise + swing, light, keep, none) == pytest.approx(0.2, abs=0.1)
+    assert left_by_an_unknown(layout, swing, light, keep, swing[:, None] + np.zeros((1, 1)), even) == 1.0
+    assert left_by_an_unknown(layout, noise + swing, light, keep, none, even) == pytest.approx(0.2, abs=0.1)
 
 
 def test_what_an_unknown_led_to_is_kept_where_it_does_without(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that missed a set is made once more beside unknowns, and finds one that holds none of them."""
     hidden = {"detector.background": BACKGROUND, "lamp.offset_x_m": OFFSET_M, "lamp.drift_per_hour": 0.2}
     table, believed = readings(hidden, seed=4)
-    asked, search = list[int](), course.beyond_two
+    asked, search = list[int](), knowledge.beyond_two
 
     def missed_first(*given: Any) -> tuple[Prepared, SearchResult]:
         prepared, finding = search(*given)
@@ -244,7 +244,23 @@ def test_what_an_unknown_led_to_is_kept_where_it_does_without(monkeypatch: pytes
         missed = replace(finding, size=None, accepted=[], weights=[])
         return prepared, missed if len(asked) == 1 else finding
 
-    monkeypatch.setattr(course, "beyond_two", missed_first)
+    monkeypatch.setattr(knowledge, "beyond_two", missed_first)
     verdict = diagnose(table, believed, diffuse=None, only=FEW, advise=False).verdict
     assert sorted(verdict.best_set) == ["background", "beam_offset", "lamp_drift"]
     assert verdict.verdict == "identified" and len(asked) == 3 and asked[1] > asked[2] == asked[0]
+
+
+def test_a_gain_that_steps_with_the_reading_is_told() -> None:
+    """Below a tenth of the largest the detector reads 4 % more: it was laid to the beam's shape, or took
+    minutes and ended nowhere."""
+    table, believed = readings({"lamp.offset_x_m": OFFSET_M}, seed=4, layout="fine", noise=0.003)
+    dim = table.value < 0.1 * table.value.max()
+    value = table.value * np.where(dim, 1.04, 1.0)
+    verdict = diagnose(replace(table, value=value), believed, diffuse=None, only=[*FEW, "beam_shape"]).verdict
+    assert (verdict.verdict, verdict.best_set, verdict.partial) == ("unexplained", *[["beam_offset"]] * 2)
+    best = verdict.left_over[0]
+    assert (best.name, best.adequate, verdict.unexplained_coordinate) == ("gain_step", True, "signal")
+    for name, true, least in (("size", 0.04, 0.0), ("level", 0.1, 0.003)):
+        found = best.parameters[name]
+        assert abs(found.value - true) < 4 * max(found.stderr, least), name
+    assert "it looks like a gain step, near signal = 0.09" in verdict.sentence

@@ -11,8 +11,8 @@ import pytest
 from analytic_readings import readings
 from verdict_data import effect, explanation, rung, verdict_data
 
-from lightfield.diagnosis import course as stages
 from lightfield.diagnosis import diagnose as diagnosing
+from lightfield.diagnosis import knowledge
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.search import preparation
@@ -262,7 +262,7 @@ def test_an_answer_that_better_light_takes_back_is_sought_among_more_effects(mon
         nothing = replace(finding, size=None, accepted=[], weights=[])
         return prepared, nothing if len(taken) == 1 else finding
 
-    monkeypatch.setattr(stages, "settled", takes_back)
+    monkeypatch.setattr(knowledge, "settled", takes_back)
     monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
     found = diagnosing.diagnose(table, believed, only=["background", "beam_offset"], diffuse="trace")
     assert taken == [1, 1]

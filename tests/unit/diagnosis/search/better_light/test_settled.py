@@ -14,6 +14,7 @@ from toy_problem import Toy, candidate, layout, waves
 
 from lightfield.diagnosis import course as stages
 from lightfield.diagnosis import diagnose as diagnosing
+from lightfield.diagnosis import knowledge
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.problem import Explanation, Problem
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
@@ -149,11 +150,10 @@ def test_the_answer_is_told_in_the_light_that_it_was_settled_in(monkeypatch: pyt
         return replace(prepared, problem=replace(prepared.problem, forward=better[0])), sought[0]
 
     monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
-    for name, value in (
-        ("search", nothing_passes), ("is_nearly_explained", lambda *_: True), ("settled", settle),
-        ("with_scattering", lambda *_: None),
-    ):  # fmt: skip
+    nothing = ("with_scattering", lambda *_: None)
+    for name, value in (("search", nothing_passes), ("is_nearly_explained", lambda *_: True), nothing):
         monkeypatch.setattr(stages, name, value)
+    monkeypatch.setattr(knowledge, "settled", settle)
     told = diagnose(table, scene, only=["beam_tilt", "background"], advise=False)
     assert told.verdict.effects == ["background"] and len(better) == 1
     assert told.basis.forward is told.basis.prepared.problem.forward is better[0]
@@ -172,8 +172,8 @@ def test_a_set_that_better_light_puts_first_is_levelled_by_its_own_rivals(monkey
         return prepared, replace(finding, accepted=[replace(other, adequacy=adequacy)], weights=[1.0])
 
     monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
-    for name, value in (("settled", settle), ("with_scattering", lambda *_: None)):
-        monkeypatch.setattr(stages, name, value)
+    monkeypatch.setattr(stages, "with_scattering", lambda *_: None)
+    monkeypatch.setattr(knowledge, "settled", settle)
     told = diagnose(table, scene, only=["beam_tilt", "background"], advise=False)
     (tilt,) = told.verdict.found
     assert told.finding.is_levelled and tilt.effect == "beam_tilt"
@@ -274,7 +274,7 @@ def test_a_search_goes_on_from_a_set_with_scattering_that_costs_less(monkeypatch
     table, scene = readings(
         {"detector.background": 0.02, "lamp.tilt_x_deg": 0.8, "lamp.drift_per_hour": -0.1}
     )
-    asked, beyond = [], stages.beyond_two
+    asked, beyond = [], knowledge.beyond_two
 
     def settle(
         _: Data, prepared: Prepared, finding: SearchResult, *__: object
@@ -290,8 +290,9 @@ def test_a_search_goes_on_from_a_set_with_scattering_that_costs_less(monkeypatch
         return beyond(data, prepared, *rest)
 
     monkeypatch.setattr(diagnosing, "source_of", lambda *_: (None, Hindrance(Hinders.NOT_TRACED)))
-    for name, value in (("settled", settle), ("beyond_two", search), ("with_scattering", lambda *_: None)):
-        monkeypatch.setattr(stages, name, value)
+    monkeypatch.setattr(stages, "with_scattering", lambda *_: None)
+    for name, value in (("settled", settle), ("beyond_two", search)):
+        monkeypatch.setattr(knowledge, name, value)
     only = ["beam_tilt", "background", "lamp_drift", "saturation"]
     verdict = diagnose(table, scene, only=only, advise=False).verdict
     assert len(asked) == 2 and len(asked[0].names) == 2

@@ -12,7 +12,7 @@ import pytest
 from analytic_readings import readings
 
 from lightfield import cli
-from lightfield.diagnosis import course
+from lightfield.diagnosis import knowledge
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.readings import write_table
@@ -60,7 +60,7 @@ def test_stopped_it_leaves_the_best_set(tmp_path: Path, capsys, monkeypatch) -> 
     table, believed = readings(HIDDEN, seed=2)
     write_table(table, tmp_path / "data.csv")
     believed.save(tmp_path / "scene.toml")
-    monkeypatch.setattr(course, "levelled", stopped)
+    monkeypatch.setattr(knowledge, "levelled", stopped)
     run = f"diagnose {tmp_path}/data.csv --scene {tmp_path}/scene.toml --effects beam_offset,background"
     assert cli.main([*run.split(), "--no-trace", "--json", f"{tmp_path}/v.json"]) == 130
     said = capsys.readouterr()
