@@ -230,7 +230,7 @@ def may_be_another_lamp(pool: Pool, node: FittedSet, candidate: Candidate) -> bo
     Two forms of a beam are terms of any shape: its curve, with more functions, does as well.
     """
     of_shape = len(_forms(pool, node, candidate, (BEAM_PROFILE,))) > 1
-    of_lamp = [*of_an_uneven_lamp(node.explanation), *beside_finest_curve(node.explanation)]
+    of_lamp = [*of_an_uneven_lamp(node.explanation), *beside_finest_curve(pool, node)]
     return of_shape or candidate in of_lamp
 
 

@@ -8,9 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
+from lightfield.diagnosis.adequacy.subspace import INDEPENDENT, beside, orthonormal
 from lightfield.diagnosis.problem.candidates import Candidate
+from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.effects import registry
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
+from lightfield.formula.closed_form import table_angle
 
 #: A lamp that is oval is no Gaussian all round either: one that is brighter on one side is, to first order, a
 #: tilted one, and to second order oval.
@@ -18,6 +24,12 @@ _OVAL = "beam_ellipticity"
 #: Is wider on one side by itself: nothing says that it is so in the one way of the formula. Scattered light
 #: that is not as in the model (in one simulation it did not move with the lamp) is taken for it too.
 _LOPSIDED = "beam_asymmetry"
+#: A lamp of any shape has a value of its own for every so many readings along the angle, and so many at most.
+#: Chosen: as fine as its readings are, with two left to say whether it is the angle that tells.
+_READINGS_EACH, _MOST_VALUES = 3, 120
+#: Beside such a lamp an effect shows by so many standard errors. Chosen: as far as a name has to be ahead of
+#: sets without it, and as much again for what is not linear in it.
+_SHOWS = 6.0
 
 
 def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
@@ -39,13 +51,41 @@ def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
     return others if names & (shapes | uneven) and len(others) > 1 else []
 
 
-def beside_finest_curve(explanation: Iterable[Candidate]) -> list[Candidate]:
-    """Effects of a set beside a lamp's curve that is as fine as curves go.
+def beside_finest_curve(pool: Pool, node: FittedSet) -> list[Candidate]:
+    """Effects of a set beside a lamp's curve that is as fine as curves go, and that do not show beside a lamp
+    of any shape.
 
     Where so many functions are asked for, there may be more to the lamp, an edge or a ring, than they follow:
     what they leave out others fill. (Of 20 campaigns with kinked lamps by other formulas three had certain
     names that were wrong: a background, a lamp's size, an apparent source; of 125 with others none.)
     """
-    explanation = tuple(explanation)
-    finest = any(c.name == BEAM_PROFILE and c.form.refines for c in explanation)
-    return [c for c in explanation if finest and c.name != BEAM_PROFILE]
+    if not any(c.name == BEAM_PROFILE and c.form.refines for c in node.explanation):
+        return []
+    return [
+        c
+        for c in node.explanation
+        if c.name != BEAM_PROFILE and sigma_beside_any_lamp(pool, node, c) < _SHOWS
+    ]
+
+
+def sigma_beside_any_lamp(pool: Pool, node: FittedSet, candidate: Candidate) -> float:
+    """What an effect changes that neither the other parameters of its set nor a lamp of any shape can, in
+    standard errors."""
+    problem, fit, whiten = pool.problem, node.fit, pool.ground.test.whiten
+    readings, scene = problem.forward.readings, problem.forward.scenes.at(fit.values, validate=False)
+    places = readings.x_m, readings.y_m, readings.z_m
+    angle = table_angle(scene.lamp, *places, readings.medium)
+    values = min(len(angle) // _READINGS_EACH, _MOST_VALUES)
+    knots = np.unique(np.quantile(angle, np.linspace(0.0, 1.0, values)))
+    lamp = np.stack([np.interp(angle, knots, one) for one in np.eye(len(knots))], axis=1)
+    mine = {p.path for p in candidate.parameters}
+    others = fit.jacobian[:, [path not in mine for path in fit.paths]]
+    free = orthonormal(
+        np.hstack([others, whiten((problem.keep * fit.prediction)[:, None] * lamp)]), INDEPENDENT
+    )
+    off = {p.path: p.value(u) for p, u in zip(candidate.amplitudes, candidate.neutral, strict=True)}
+    without = problem.forward.predict(fit.values | off)
+    shown = beside(free, whiten((problem.keep * (fit.prediction - without))[:, None]))
+    spare = max(int(problem.keep.sum()) - len(fit.u), 1)
+    phi = max(pool.ground.phi, fit.chi2 / spare)
+    return float(np.linalg.norm(shown) / np.sqrt(phi))

@@ -60,8 +60,8 @@ def cautions(
         out.append(Caution(warns=Warns.MISFIT_IGNORED))
     if finding.best is not None and (alike := of_an_uneven_lamp(finding.best.explanation)):
         out.append(Caution(warns=Warns.UNEVEN_LAMP, about=", ".join(c.name for c in alike)))
-    told = finding.closest  # also where something is unexplained: what a curve leaves of an edge, say
-    if told is not None and (beside := beside_finest_curve(told.explanation)):
+    many = finding.many  # also where something is unexplained: what a curve leaves of an edge, say
+    if many is not None and (beside := beside_finest_curve(many.pool, many.best)):
         out.append(Caution(warns=Warns.FINEST_CURVE, about=", ".join(c.name for c in beside)))
     if is_of_the_search_alone(prepared.problem, finding.best.fit if finding.best else finding.level.base):
         out.append(Caution(warns=Warns.UNSETTLED))
