@@ -312,7 +312,8 @@ def _refit(
         made = bench(prepared, 0.0, rng)
         problem = prepared.problem
         base = problem.fit((), made.whiten, [problem.model().start])
-        fit = problem.fit(explanation, made.whiten, _starts(problem, explanation, base.u), tolerance=1e-6)
+        starts = problem.starts(base.u, explanation, made.whiten) if explanation else [base.u]
+        fit = problem.fit(explanation, made.whiten, starts, tolerance=1e-6)
         traces.asked = forward.light.to_trace([fit.values]) or prepared.to_trace_per_m
     if can_follow(problem) and scatters(problem, fit):
         there = settle(problem, explanation, fit, made.whiten)
@@ -327,9 +328,3 @@ def _refit(
         made = replace(made, whiten=told.whiten, test=test)
     without = base if explanation else fit
     return Refit(problem, explanation, fit, errors), made, without.prediction
-
-
-def _starts(problem: Problem, explanation: Explanation, base: Array) -> list[Array]:
-    if not explanation:
-        return [base]
-    return [problem.default_start(base, explanation, size) for size in (1.0, 10.0, -3.0)]
