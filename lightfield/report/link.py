@@ -19,6 +19,7 @@ from lightfield.studies.link.text import (
     keying_words,
     reported_rows,
     rows,
+    surely,
 )
 from lightfield.studies.working_range.text import UNTOLD
 
@@ -59,6 +60,7 @@ def reach_figure(found: Link, narrow: bool = False) -> Figure:
                 shown = f"> {most:g} m" if np.isinf(at) else f"{length:.1f} m"
                 if np.isfinite(near):
                     shown = f"{near:.1f} m to {shown}"
+                shown = surely(shown, reach.data_sure_m if words == "data" else docking.sure_m)
                 if np.isnan(at):
                     told = words == "data" or docking.is_told
                     shown = f"nowhere from {z[0]:g} m on" if told else UNTOLD

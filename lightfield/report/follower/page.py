@@ -121,7 +121,7 @@ def survey_page(survey: Survey) -> str:
             rival,
         ),
     ]
-    blind = [WORDS[n] for n, s in survey.here.sigma.items() if not np.isfinite(s)]
+    blind = [WORDS[n] for n, s in survey.here.sigma.items() if not is_told(n, s)]
     verdict = (
         f"{len(survey.elements)} elements know where they are well enough to dock "
         + (
@@ -130,8 +130,7 @@ def survey_page(survey: Survey) -> str:
             "everywhere",
         )[int(survey.reaches > 0) + int(survey.reaches == 1)]
         + (f"; blind to {', '.join(blind)}" if blind else "")
-        + ("; another pose looks alike" if len(survey.rivals) == 1 else "")
-        + (f"; {len(survey.rivals)} other poses look alike" if len(survey.rivals) > 1 else "")
+        + (f"; {survey.rivals_in_words}" if survey.rivals else "")
         + "."
     )
     unknown = ", ".join(f"{k} (standard deviation {v:.3g})" for k, v in survey.nuisances.items()) or "nothing"

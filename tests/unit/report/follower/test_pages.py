@@ -190,6 +190,33 @@ def test_runs_that_lost_their_way_do_not_squeeze_the_others(lost: tuple[float, .
     assert np.isfinite(mean.get_ydata()).any() == (not all(lost))
 
 
+def test_what_is_next_to_unknown_is_so_in_the_figure_as_in_the_table() -> None:
+    """A turn that is known to 179 degrees alone; and no legend lies over the numbers of the bars."""
+    found = survey(SCENE, Space.of_scene(SCENE), photons=0)
+    sigma = [np.radians(179.0) if name in ("yaw", "pitch") else 0.01 for name in found.here.names]
+    here = replace(found.here, covariance=np.diag(np.square(sigma)))
+    figure = survey_figure(replace(found, here=here, axis=[]))
+    bars = figure.axes[1]
+    drawn = [text.get_text() for text in bars.texts]
+    assert "179" not in drawn and drawn.count("unknown") == sum(n in ("yaw", "pitch") for n in here.names) > 0
+    figure.canvas.draw()
+    assert bars.get_legend().get_window_extent().y1 < bars.get_window_extent().y0
+
+
+@pytest.mark.parametrize(
+    ("count", "said"),
+    [
+        (0, "no other pose looks alike"),
+        (1, "another pose looks alike; the nearest"),
+        (2, "2 other poses look alike"),
+    ],
+)
+def test_poses_that_look_alike_are_counted(count: int, said: str) -> None:
+    found = survey(SCENE, Space.of_scene(SCENE), photons=0)
+    alike = replace(found, rivals=[RivalPose(np.zeros(6), 1.0, 0.5)] * count)
+    assert said in alike.as_text()
+
+
 def test_no_belief_is_green() -> None:
     """What is asked for is."""
     assert [name for name, colour in _COLOURS.items() if np.argmax(to_rgb(colour)) == 1] == []
