@@ -66,7 +66,7 @@ def step(number: int, of: int, name: str = "") -> Iterator[None]:
 
 def duration(seconds: float) -> str:
     """A time in the unit that suits it."""
-    if seconds < 90:
+    if seconds < 120:
         return f"{seconds:.2g} s" if seconds < 10 else f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 

@@ -22,6 +22,7 @@ from lightfield.render.maps import render_scene
 from lightfield.scene import Scene
 from lightfield.scene.effects_file import with_effects
 from lightfield.storage.files import locked_folder, output_file, write_text
+from lightfield.studies.compare.in_a_sentence import in_a_sentence
 from lightfield.studies.defaults import SOLVER
 
 if TYPE_CHECKING:
@@ -122,14 +123,14 @@ def _report(dataset: object, folder: Path) -> int:
 
     from lightfield.report.compare.exr_layers import write_layers
     from lightfield.report.compare.page import terminal_table, write_comparison
-    from lightfield.studies.compare.maps import as_text, compare
+    from lightfield.studies.compare.maps import compare
 
     assert isinstance(dataset, xr.Dataset)
     comparison = compare(dataset)
     output = console()
     for wavelength in comparison.wavelengths_nm:
         output.print(terminal_table(comparison, wavelength))
-    output.print(as_text(comparison), highlight=False)
+    output.print(in_a_sentence(comparison), highlight=False)
     write_json(comparison.as_data(), folder / "compare.json")
     page, *_ = write_comparison(comparison, dataset.attrs, folder)
     write_layers(comparison, folder)

@@ -14,7 +14,7 @@ from pydantic_core import to_jsonable_python
 
 from lightfield.errors import UsageError
 from lightfield.scene import Scene
-from lightfield.scene.all_parameters import without_effect
+from lightfield.scene.all_parameters import unused_words
 from lightfield.scene.lamp.photometry import beam_table
 from lightfield.scene.tank import Tank
 from lightfield.storage import toml
@@ -108,8 +108,8 @@ def as_text(scene: Scene) -> str:
             value, meaning = choices[path]
             lines.append(f"  {path:<34} {_short(value):>12}".ljust(58) + f" {meaning}")
     lines += ["", "* departs from its neutral value"]
-    if unused := _unused(scene):
-        lines.append(f"stated, but not used: {', '.join(unused)}")
+    if unused := unused_words(scene):
+        lines.append(unused)
     lines += _of_tank(scene.tank) if scene.tank else []
     if scene.lamp.profile == "table" and (left := _left_at_end(scene)) > _BRIGHT_END:
         lines.append(f"the lamp's table ends at {100 * left:.0f} % of the light on its axis: beyond is none")
@@ -132,15 +132,6 @@ def _short(value: object) -> str:
     """A choice in a few words."""
     text = value if isinstance(value, str) else json.dumps(to_jsonable_python(value))
     return text if len(text) <= _SHORT else f"{text[: _SHORT - 4]} ..."
-
-
-def _unused(scene: Scene) -> list[str]:
-    """What the scene says, and a choice beside it leaves without effect, with that choice."""
-    told = []
-    for path, choice in without_effect(scene).items():
-        chosen = scene.get(f"{path.partition('.')[0]}.{choice}")
-        told.append(f"{path} ({choice} is {chosen if isinstance(chosen, str) else 'peaks'})")
-    return told
 
 
 def _of_tank(tank: Tank) -> list[str]:

@@ -175,16 +175,17 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
         lines.append("nothing was left to do")
         return "\n".join(lines)
     kept = f", {done.cases_before} were there already" if done.cases_before else ""
+    made = done.traced - done.found
     lines.append(
-        f"this run: {done.traced} traced ({done.photons:.3g} photons), {done.cases_done} evaluated in "
+        f"this run: {made} traced ({done.photons:.3g} photons), {done.cases_done} evaluated in "
         f"{duration(done.seconds)}{kept}"
     )
-    if done.traced:
+    if gain := done.gain(plan):
         rate = done.photons / max(done.trace_seconds, 1e-9)
         lines.append(
             f"computing: tracing {duration(done.trace_seconds)} ({rate:.3g} photons/s per core), "
             f"evaluating {duration(done.block_seconds)}; tracing each case would take "
-            f"{done.gain(plan):.3g} times as long"
+            f"{gain:.3g} times as long"
         )
     if done.workers:
         many = "process" if len(done.workers) == 1 else "processes"

@@ -13,16 +13,12 @@ from lightfield.diagnosis.verdict.ladder import bright, percent, rms_over
 from lightfield.errors import FitError
 from lightfield.explorer.experiment import Experiment, candidate_of
 from lightfield.fitting import effects
-from lightfield.fitting.least_squares import Fit, least_squares
+from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import Model
 from lightfield.memory import Latest
 
-#: Amplitudes from which a fit starts, in multiples of the typical one, as `compare` does.
-_STARTS = (1.0, 10.0, -3.0)
 #: Sets whose fits are kept, the last ones.
 _KEPT = 1000
-#: Shapes of an effect that a fit starts from, at most.
-_MOST_SHAPES = 12
 #: What a fit may leave of chi-square.
 _LEFT = 1e-5
 
@@ -108,9 +104,7 @@ class Fits:
         starts = [model.start if near is None else _start(model, near)]
         if chosen and near is None:
             base = self._begun(model)
-            starts = [problem.default_start(base, chosen, size) for size in _STARTS]
-            first = starts[0]  # and with other shapes of the last effect
-            starts += [np.r_[first[: len(first) - len(at)], at] for at in chosen[-1].grid[1:_MOST_SHAPES]]
+            starts = problem.starts(base, chosen, self._whitening(ends))
             if len(keys) > 1 and (before := self.known(keys[:-1])) is not None:
                 starts.append(_start(model, before.values))
         fits = []
@@ -179,14 +173,18 @@ class Fits:
         base = self.known(())
         return model.start if base is None else _start(model, base.values)
 
-    def _fit(self, model: Model, start: Array, ends: Callable[[], None]) -> Fit:
-        e = self.experiment
+    def _whitening(self, ends: Callable[[], None]) -> Whiten:
+        """That of the experiment, which asks at every step whether the fit goes on."""
 
         def whiten(columns: Array) -> Array:
             ends()
-            return e.whiten(columns)
+            return self.experiment.whiten(columns)
 
-        return least_squares(model, e.problem.value, whiten, start, e.problem.keep, tolerance=_LEFT)
+        return whiten
+
+    def _fit(self, model: Model, start: Array, ends: Callable[[], None]) -> Fit:
+        problem, whiten = self.experiment.problem, self._whitening(ends)
+        return least_squares(model, problem.value, whiten, start, problem.keep, tolerance=_LEFT)
 
     def _fitted(self, fit: Fit) -> Fitted:
         score = self.score(fit.prediction, int((fit.model.high > fit.model.low).sum()))

@@ -236,6 +236,12 @@ def lacking(dataset: xr.Dataset) -> str | None:
     return None
 
 
+def brightest(light: xr.DataArray, name: str = "wavelength_nm") -> int:
+    """Index of the colour with most light, over everything else."""
+    others = [dim for dim in light.dims if dim != name]
+    return int(np.argmax(light.sum(others).values))
+
+
 def _begins_as_netcdf(path: str | os.PathLike[str]) -> bool:
     """Has a file the first bytes of NetCDF-4, whatever follows?"""
     with open(path, "rb") as file:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from lightfield.arrays import Array, evenly
+from lightfield.maps.dataset import brightest
 from lightfield.maps.exr import write_rgb_exr
 from lightfield.render.picture import Picture, exposure, tone_mapped
 from lightfield.report.style import MUTED, NARROW, SHORT_UNITS, extent_of, figure, save_pixels
@@ -27,7 +28,7 @@ _LEAST_TALL = 0.3
 def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
     """Maps on a common logarithmic scale, up to three wavelengths as rows, up to five planes as columns.
 
-    What is left out is said. `narrow`: one wavelength, up to three planes as rows.
+    What is left out is said. `narrow`: the brightest wavelength, up to three planes as rows.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
     """
     quantity = dataset.attrs["quantity"]
     planes = evenly(dataset.sizes["z_m"], 3 if narrow else 5)
-    waves = evenly(dataset.sizes["wavelength_nm"], 1 if narrow else 3)
+    waves = [brightest(dataset[quantity])] if narrow else evenly(dataset.sizes["wavelength_nm"], 3)
     values = dataset[quantity].values
     x, y, top = dataset.x_m.values, dataset.y_m.values, float(np.nanmax(values))
     shape = (len(planes), 1) if narrow else (len(waves), len(planes))
@@ -53,9 +54,9 @@ def planes_figure(dataset: xr.Dataset, narrow: bool = False) -> Figure:
             for column, plane in enumerate(planes):
                 axis, light = axes[row, column], values[wave, plane]
                 shown = light_map(axis, x, y, light, top)
-                dimmest, brightest = float(np.nanmin(light)), float(np.nanmax(light))
-                levels = sorted(part * brightest for part in _PARTS)
-                if x.size > 1 and y.size > 1 and dimmest < levels[-1] < brightest:
+                least, most = float(np.nanmin(light)), float(np.nanmax(light))
+                levels = sorted(part * most for part in _PARTS)
+                if x.size > 1 and y.size > 1 and least < levels[-1] < most:
                     axis.contour(x, y, light, levels=levels, colors="white", linewidths=0.7, alpha=0.8)
                 axis.tick_params(labelsize=8.5)
                 if row == 0 or narrow:

@@ -20,6 +20,7 @@ from lightfield.studies.link.text import (
     keying_words,
     reported_rows,
     rows,
+    surely,
 )
 from lightfield.studies.working_range.reaches import Reach
 from lightfield.studies.working_range.text import UNTOLD
@@ -55,7 +56,8 @@ def _draw_reaches(axes: Axes, found: Link) -> None:
     first, last = (float(z) for z in found.dataset.z_m.values[[0, -1]])
     for k, name in enumerate(names):
         its, y, shade = found.reaches[name], len(names) - k, SERIES[k % len(SERIES)]
-        data = Reach("data", its.data_m, its.data_stderr_m, its.data_formula_m)
+        ends = its.data_m, its.data_stderr_m, its.data_formula_m
+        data = Reach("data", *ends, sure_m=its.data_sure_m)
         for words, reach, most, at in (
             ("data", data, last, y + 0.18), ("docking", its.docking, found.docking_to_m, y - 0.18),
         ):  # fmt: skip
@@ -88,7 +90,7 @@ def _reach_words(reach: Reach, first: float, most: float) -> str:
     if np.isnan(reach.z_m):
         return f"nowhere from {first:g} m on" if reach.is_told else UNTOLD
     to = f"> {most:g} m" if np.isinf(reach.z_m) else f"{reach.z_m:.1f} m"
-    return f"{reach.from_m:.1f} m to {to}" if np.isfinite(reach.from_m) else to
+    return surely(f"{reach.from_m:.1f} m to {to}" if np.isfinite(reach.from_m) else to, reach.sure_m)
 
 
 def arrival_figure(found: Link, narrow: bool = False) -> Figure:

@@ -12,6 +12,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from lightfield.arrays import evenly
+from lightfield.maps.dataset import brightest
 from lightfield.report.regime import colours_named, error_cells
 from lightfield.report.style import (
     MUTED,
@@ -36,6 +37,8 @@ _MOST_LINES, _MOST_TILES, _FEW_TILES = 6, 5, 2
 _DEEPEST, _SHALLOWEST = 1e-4, 0.5
 #: A scale of less than two decades has ticks between them.
 _FEW_TICKS = 100.0
+#: Dimensions of colours, of which one alone is drawn.
+_COLOURS = ("wavelength_nm", "band")
 #: Letters of a note to an inch.
 _LETTERS = 14
 #: Of a number that no case has.
@@ -222,8 +225,12 @@ def _two_axes(data: xr.Dataset) -> tuple[str, str]:
 
 
 def _hold(data: xr.Dataset, kept: set[str]) -> tuple[xr.Dataset, list[str]]:
-    """Every other axis at its middle step, and what that is."""
+    """Every other axis at its middle step, and what that is; the brightest wavelength or band comes first."""
     notes = []
+    for name in _COLOURS:
+        if name in data.plane_power.dims:
+            first = brightest(data.plane_power, name)
+            data = data.isel({name: [first, *(k for k in range(data.sizes[name]) if k != first)]})
     for name in axes_of(data):
         if name not in kept:
             step = data.sizes[name] // 2
@@ -239,10 +246,10 @@ def _cut(data: xr.Dataset, name: str, chosen: Sequence[int]) -> list[str]:
 
 
 def _first_of(data: xr.Dataset) -> list[str]:
-    """Which wavelength or band alone is drawn, where there are several."""
+    """Which wavelength or band alone is drawn, where there are several: see `_hold`."""
     return [
         f"{_axis_name(data, name)} = {_step_name(data, name, 0)} alone, of {data.sizes[name]}"
-        for name in ("wavelength_nm", "band")
+        for name in _COLOURS
         if data.sizes.get(name, 1) > 1
     ]
 

@@ -97,6 +97,15 @@ def without_effect(scene: Scene) -> dict[str, str]:
     }
 
 
+def unused_words(scene: Scene) -> str:
+    """What a scene states without effect, each with the choice beside it, as a line; or nothing."""
+    told = []
+    for path, choice in without_effect(scene).items():
+        chosen = scene.get(f"{path.partition('.')[0]}.{choice}")
+        told.append(f"{path} ({choice} is {chosen if isinstance(chosen, str) else 'peaks'})")
+    return f"stated, but not used: {', '.join(told)}" if told else ""
+
+
 def _reset(scene: Scene, names: dict[str, tuple[str, ...]]) -> Scene:
     changed = {}
     for part, resets in names.items():

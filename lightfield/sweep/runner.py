@@ -32,8 +32,8 @@ class SweepProgress:
 
     Parameters
     ----------
-    traces, traced : int
-        Traces that this run had to make, and those made.
+    traces, traced, found : int
+        Traces that this run had to make, those there are by now, and how many of these lay there already.
     again : int
         Cases that failed for the machine's sake: the same sweep tries them again.
     photons : float
@@ -57,6 +57,7 @@ class SweepProgress:
     failed: int = 0
     again: int = 0
     traced: int = 0
+    found: int = 0
     photons: float = 0.0
     trace_seconds: float = 0.0
     block_seconds: float = 0.0
@@ -76,11 +77,16 @@ class SweepProgress:
         return time.perf_counter() - self.started
 
     def gain(self, plan: SweepPlan) -> float:
-        """How many times less computing than a trace for every case; 0 while nothing was traced."""
-        if not self.traced or not self.cases_done:
+        """How many times less computing than a trace for every case; 0 while this run has traced nothing.
+
+        Each case is evaluated once either way.
+        """
+        made = self.traced - self.found
+        if not made or not self.cases_done:
             return 0.0
-        spent = self.trace_seconds / self.traced * len(plan.traces) + self.block_seconds
-        return self.trace_seconds / self.traced * plan.cases.count / spent
+        each, cases = self.trace_seconds / made, int((plan.trace_of_case >= 0).sum())
+        evaluated = self.block_seconds / self.cases_done * cases
+        return (each * cases + evaluated) / (each * len(plan.traces) + evaluated)
 
 
 def run_sweep(
@@ -241,8 +247,9 @@ class _Dispatch:
         )
         with self.telling:
             self.progress.traced += 1
-            self.progress.photons += result.photons
-            self.progress.trace_seconds += result.seconds
+            self.progress.found += result.found
+            self.progress.photons += 0 if result.found else result.photons
+            self.progress.trace_seconds += 0.0 if result.found else result.seconds
             self._note(result)
         self._release(result.number)
 

@@ -52,7 +52,7 @@ _busy = threading.Lock()
 
 @dataclass(frozen=True)
 class TraceDone:
-    """Report of a trace."""
+    """Report of a trace; `found`: one that lay beside the store already."""
 
     number: int
     photons: int
@@ -60,6 +60,7 @@ class TraceDone:
     seconds: float
     worker: str
     peak_bytes: int
+    found: bool = False
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,7 @@ def do_trace(trace: Trace, scene: Scene, settings: SweepSettings, path: Path) ->
     with _busy:
         started, file = time.perf_counter(), trace_file(path, trace.number)
         stored = _read(file)
+        found = stored is not None
         if stored is None:
             _loaded.cache_clear()  # a trace needs the room of the response that was used last
             # One thread, or sums would be taken in another order each time and repeat to six digits only.
@@ -141,7 +143,7 @@ def do_trace(trace: Trace, scene: Scene, settings: SweepSettings, path: Path) ->
             stored = rendering.response, rendering.reached
         response, reached = stored
         seconds = time.perf_counter() - started
-        return TraceDone(trace.number, response.photons, reached, seconds, worker_name(), peak_bytes())
+        return TraceDone(trace.number, response.photons, reached, seconds, worker_name(), peak_bytes(), found)
 
 
 def topic_of(path: Path) -> str:

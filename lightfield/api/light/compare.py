@@ -23,6 +23,7 @@ from lightfield.scene import Scene
 from lightfield.studies.compare import maps as comparing
 from lightfield.studies.compare import readings as fitting
 from lightfield.studies.compare import text
+from lightfield.studies.compare.in_a_sentence import in_a_sentence
 from lightfield.studies.defaults import SOLVER
 from lightfield.wording import rounded
 
@@ -39,17 +40,25 @@ class Comparison(Result[comparing.Comparison]):
 
     @property
     def headline(self) -> str:
-        return comparing.as_text(self.details)
+        return in_a_sentence(self.details)
 
     def as_data(self) -> dict[str, Any]:
         return self.details.as_data()
 
     def plot(self, ax: Axes | None = None, *, wavelength_nm: float | None = None) -> Axes:
-        """Error of the formula against the radius, a line per plane, with three standard errors."""
+        """Error of the formula against the radius, a line per plane, with three standard errors.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+        wavelength_nm : float, optional
+            The wavelength nearest to this; default: the brightest.
+        """
         from lightfield.report.plots import plot_formula_error
 
-        known = np.array(self.details.wavelengths_nm)
-        wave = float(known[0 if wavelength_nm is None else nearest_index(known, wavelength_nm)])
+        known, wave = np.array(self.details.wavelengths_nm), self.details.brightest_nm
+        if wavelength_nm is not None:
+            wave = float(known[nearest_index(known, wavelength_nm)])
         return plot_formula_error(ax, self.details.at(wave))
 
     def to_pandas(self) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from lightfield.api.given import AnyPath, checked, scene_of
 from lightfield.api.notebook import told_in_notebook
 from lightfield.api.result import Result
 from lightfield.errors import UsageError
-from lightfield.maps.dataset import read_netcdf, to_dataset, write_netcdf
+from lightfield.maps.dataset import brightest, read_netcdf, to_dataset, write_netcdf
 from lightfield.render.at_readings import render_positions
 from lightfield.render.limits import OF_MAPS, check_wavelengths
 from lightfield.render.maps import render_scene
@@ -74,17 +74,19 @@ class Maps(Result[xr.Dataset]):
     def plot(
         self, ax: Axes | None = None, *, z_m: float | None = None, wavelength_nm: float | None = None
     ) -> Axes:
-        """Draw one plane (the first unless told), or the light of single positions against z.
+        """Draw one plane, or the light of single positions against z.
 
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
         z_m, wavelength_nm : float, optional
-            The plane and the wavelength nearest to these.
+            The plane and the wavelength nearest to these; default: the first plane, the brightest wavelength.
         """
         from lightfield.report.plots import plot_map, plot_positions
 
-        wave = 0 if wavelength_nm is None else nearest_index(self.details.wavelength_nm.values, wavelength_nm)
+        wave = brightest(self.details[self.quantity])
+        if wavelength_nm is not None:
+            wave = nearest_index(self.details.wavelength_nm.values, wavelength_nm)
         data = self.details.isel(wavelength_nm=wave)
         if "z_m" not in data.dims:
             return plot_positions(ax, data)

@@ -11,6 +11,7 @@ from lightfield.commands.shared.progress import progress_of
 from lightfield.render.limits import OF_MAPS
 from lightfield.render.maps import Rendering
 from lightfield.scene import Scene
+from lightfield.scene.all_parameters import unused_words
 from lightfield.wording import rounded
 
 Made = TypeVar("Made")
@@ -30,15 +31,18 @@ def traced(scene: Scene, args: argparse.Namespace, render: Callable[..., Made]) 
 
 
 def as_text(rendering: Rendering) -> str:
-    """Photons, error and energy balance in two lines."""
+    """Photons, error and energy balance in two lines, and what the scene states without effect."""
     energy = rendering.energy
     unit = energy.emitted if energy.emitted else 1.0
     reached = f"{rounded(100 * rendering.reached)} %"
     if rendering.reached > rendering.settings.rel_error:
         reached += f" (asked for {rounded(100 * rendering.settings.rel_error)} %: raise --max-photons)"
+    unused = unused_words(rendering.scene)
     return (
         f"{rendering.response.photons:.3g} photons, relative error {reached}\n"
         f"energy: water {100 * energy.absorbed / unit:.2f} %, walls {100 * energy.walls / unit:.2f} %, "
         f"escaped {100 * energy.escaped / unit:.2f} %, unfinished {100 * energy.unfinished / unit:.3f} %, "
         f"roulette {-100 * energy.roulette / unit:+.3f} %, closure {energy.closure:+.1e}"
+        + f"\n{unused}"
+        * bool(unused)
     )

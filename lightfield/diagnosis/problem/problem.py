@@ -30,6 +30,12 @@ MANY, SAMPLE = 3000, 1500
 _AS_GOOD, FAR_BEHIND = 12.0, 100.0
 #: Fits to the sample that differ by less found the same minimum. Chosen: where a fit stops, in chi-square.
 _SAME_MINIMUM = 1e-2
+#: Amplitudes from which a single set of effects is fitted, in multiples of the typical one. Chosen.
+_SIZES = (1.0, 10.0, -3.0)
+#: From each point of a grid of shapes, and each sign of the amplitude, a fit takes so many steps; so many of
+#: the best go on; of larger grids than this, of three shapes, so many points are drawn. Chosen: time against
+#: thoroughness.
+_STEPS_AT_SHAPE, _SHAPES_GO_ON, _MOST_SHAPES = 4, 2, 125
 
 
 @dataclass(frozen=True)
@@ -158,6 +164,24 @@ class Problem:
         )  # fmt: skip
         return rows, some
 
+    def starts(self, base: Array, explanation: Explanation, whiten: Whiten) -> list[Array]:
+        """Where to begin a fit of one set of effects about which nothing is known.
+
+        Where an effect has shapes, also there where a few steps from each point of its grid lead lowest, one
+        effect after the other.
+        """
+        out = [self.default_start(base, explanation, size) for size in _SIZES]
+        best = out[:1]
+        at = len(self.base)
+        for candidate in explanation:
+            end = at + len(candidate.parameters)
+            if len(candidate.grid) > 1:
+                begun = [np.r_[best[0][:at], own, best[0][end:]] for own in _shaped(candidate)]
+                rough = [self.rough(explanation, whiten, u, max_steps=_STEPS_AT_SHAPE) for u in begun]
+                best = [fit.u for fit in sorted(rough, key=lambda fit: fit.chi2)[:_SHAPES_GO_ON]]
+            at = end
+        return out if best[0] is out[0] else [*out, *best]
+
     def default_start(self, base: Array, explanation: Explanation, fraction: float = 1.0) -> Array:
         """Base coordinates followed by typical amplitudes and the first shapes of each effect."""
         parts = [np.asarray(base[: len(self.base)])]
@@ -168,3 +192,16 @@ class Problem:
                 )
             parts.append(np.array([p.start for p in candidate.shapes]))
         return np.concatenate(parts)
+
+
+def _shaped(candidate: Candidate) -> list[Array]:
+    """Coordinates of one effect at every point of the grid of its shapes, amplitudes of typical size."""
+    points = np.array(candidate.grid)
+    if len(points) > _MOST_SHAPES:
+        points = np.random.default_rng(0).permutation(points)[:_MOST_SHAPES]
+    start, low, high = (
+        np.array([getattr(p, k) for p in candidate.amplitudes]) for k in ("start", "low", "high")
+    )
+    sizes = [np.clip(start + sign * np.array(candidate.typical), low, high) for sign in (1.0, -1.0)]
+    # There is no slope in a shape where the amplitude cannot leave zero.
+    return [np.r_[size, point] for size in sizes if (size != start).any() for point in points]

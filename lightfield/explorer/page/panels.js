@@ -195,7 +195,7 @@ LF.showLadder = (state) => {
 LF.handMoved = (state) => LF.dragging || Object.values(state.parameters).some((p) => p.fitted !== null && Math.abs(p.value - p.fitted) > 1e-6 * (Math.abs(p.fitted) + 1e-9));
 
 LF.rung = (label, error, chi2, top, floor, here, go) => {
-  const bar = LF.make("div", { class: LF.met(error, floor) ? "bar low" : "bar" });
+  const bar = LF.make("div", { class: LF.met(error, floor, chi2) ? "bar low" : "bar" });
   bar.style.width = `${(100 * error) / top}%`;
   const noise = LF.make("div", { class: "noise", title: `noise floor ${LF.percent(floor)}` });
   noise.style.left = `${(100 * floor) / top}%`;
@@ -244,8 +244,9 @@ LF.showEvaluation = (head, arrays) => {
   LF.shown = { ...head, ...arrays };
   const error = LF.$("error");
   error.textContent = LF.percent(head.error_percent);
-  error.classList.toggle("good", LF.met(head.error_percent, LF.experiment.floor_percent));
-  LF.$("chi2").textContent = LF.number(LF.over(head.chi2, head.dof), 3);
+  const chi2 = LF.over(head.chi2, head.dof);
+  error.classList.toggle("good", LF.met(head.error_percent, LF.experiment.floor_percent, chi2));
+  LF.$("chi2").textContent = LF.number(chi2, 3);
   LF.paintMaps(arrays.map_render || null, arrays.map_formula || null, LF.experiment.map_x_m.length, LF.$("log").checked);
   LF.showCursor();
   LF.drawPlots();

@@ -35,8 +35,10 @@ LF.percent = (value) => {
   return (value >= 99.5 ? value.toFixed(0) : value >= 0.05 ? value.toFixed(1) : value >= 0.0005 ? value.toFixed(3) : "0.0") + " %";
 };
 
-// Is an error as small as the noise leaves it? A model that is dark has no error in per cent.
-LF.met = (error, floor) => Number.isFinite(error) && Number.isFinite(floor) && error <= 1.2 * floor;
+// Is an error as small as the noise leaves it? The floor in per cent is that of the dim readings: bright ones may be
+// missed below it, which chi-square tells. A model that is dark has no error in per cent.
+LF.met = (error, floor, chi2PerDof) => Number.isFinite(error) && Number.isFinite(floor) && error <= 1.2 * floor
+  && Number.isFinite(chi2PerDof) && Math.sqrt(chi2PerDof) <= 1.2;
 
 // What the fit moves, u, and the value of the scene: the coordinates of lightfield/fitting/parameter.py.
 LF.valueAt = (coordinate, u) => {

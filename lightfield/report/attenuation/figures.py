@@ -141,7 +141,7 @@ def hidden_figure(one: Apparent, found: Scattered, content: Content | None, narr
             )
         left.set_yscale("log")
         plain_log_axis(left.yaxis)
-        left.legend(loc="upper left")
+        legend_under(left)
         label(left, "wavelength (nm)", "1/m", "K is neither a nor c")
         b = np.linspace(0.0, min(found.largest_b, 1.1 * found.combined[k] / found.kappa[k]), 50)
         line, error = found.combined[k] - found.kappa[k] * b, found.combined_stderr[k]
@@ -155,7 +155,7 @@ def hidden_figure(one: Apparent, found: Scattered, content: Content | None, narr
             )  # fmt: skip
         right.set_ylim(bottom=0)
         right.set_xlim(left=0)
-        right.legend(loc="upper right")
+        legend_under(right)
         label(right, "scattering b (1/m)", "absorption a (1/m)", "Which a and b agree with the readings")
     return fig
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from lightfield.report.attenuation.figures import content_figure, hidden_figure, lines_figure, percent_figure
 from lightfield.report.page import Section, SideBySide, Table, page_figure, study_page
 from lightfield.studies.attenuation.apparent import Apparent
+from lightfield.studies.attenuation.constituents import LEVELS
 from lightfield.studies.attenuation.study import Attenuation, Content
 from lightfield.studies.attenuation.text import (
     content_head,
@@ -19,7 +20,7 @@ from lightfield.studies.attenuation.text import (
     table_head,
     table_rows,
 )
-from lightfield.wording import plain
+from lightfield.wording import capital, plain
 
 
 def attenuation_page(found: Attenuation) -> str:
@@ -64,7 +65,7 @@ def _content(found: Content) -> Section:
     )
     drawing = page_figure("content", caption, "Each constituent by each model", content_figure, found)
     table = Table(
-        "Intervals of 68 % from the profile of the likelihood.", content_head(found), content_rows(found)
+        f"{capital(LEVELS)}, from the profile of the likelihood.", content_head(found), content_rows(found)
     )
     return Section("Constituents", (drawing,), content_sentences(found), (table,))
 

@@ -15,7 +15,8 @@ from lightfield.report.compare.figures import axial_figure, maps_figure, radial_
 from lightfield.report.page import fill, page_figure, three_digits
 from lightfield.report.style import SHORT_UNITS, save_png
 from lightfield.storage.files import write_text
-from lightfield.studies.compare.maps import Comparison, PlaneComparison, as_text
+from lightfield.studies.compare.in_a_sentence import in_a_sentence
+from lightfield.studies.compare.maps import Comparison, PlaneComparison
 from lightfield.studies.compare.rings import BEYOND, ERROR_LEVELS
 from lightfield.wording import capital, minus, plain
 
@@ -136,7 +137,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
     return fill(
         "compare.html",
         title=f"{comparison.scene.name or 'Scene'}: the formula against the render",
-        verdict=as_text(comparison),
+        verdict=in_a_sentence(comparison),
         bands=bands,
         table_head=[f"{head} ({unit})" if head == "on the axis" else head for head in _HEAD],
         energy=energy_rows(attributes),

@@ -45,9 +45,17 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
     verdict = (
         f"{newest.label}: error {three_digits(newest.error_percent)} %, noise floor {three_digits(floor)} %."
     )
-    if len(rungs) > 1 and best is not newest:
-        verdict += f" The lowest so far is {three_digits(best.error_percent)} %, {best.label}."
-    adequate = report.statistics.adequacy_p
+    # Below the floor, which dim readings set, the error tells nothing of which model is better.
+    tells = floor is None or newest.error_percent is None or newest.error_percent > floor
+    if len(rungs) > 1 and best is not newest and tells:
+        verdict += f" The lowest error so far is {three_digits(best.error_percent)} %, {best.label}."
+    statistics = report.statistics
+    if model.effects:
+        verdict += (
+            f" χ² per degree of freedom is {three_digits(statistics.chi2_per_dof)}, of the base model by the "
+            f"same noise {three_digits(statistics.base_chi2_per_dof)}."
+        )
+    adequate = statistics.adequacy_p
     lead = [
         f"{len(rungs)} models of these readings so far, in the order in which they were tried."
         if len(rungs) > 1
@@ -60,7 +68,7 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
         for path, e in report.estimates.items()
     ]
     sections = [
-        _ladder(rungs, floor),
+        _ladder(rungs, [_known(entry, "base_chi2_per_dof") for entry in entries], floor),
         Section("Readings and model", figures=_drawn(view)),
         Section(
             "What was fitted",
@@ -74,7 +82,7 @@ def readings_page(report: FitReport, entries: Sequence[Mapping[str, Any]], title
     return study_page(title, verdict, lead, sections, model.scene.to_toml())
 
 
-def _ladder(rungs: Sequence[Rung], floor: float | None) -> Section:
+def _ladder(rungs: Sequence[Rung], of_base: Sequence[float | None], floor: float | None) -> Section:
     below = [  # what lies below an axis has a line for each effect
         rung.model_copy(update={"label": "\n".join(f"+ {name}" for name in rung.effects) or rung.label})
         for rung in rungs
@@ -90,14 +98,15 @@ def _ladder(rungs: Sequence[Rung], floor: float | None) -> Section:
         ],
         tables=[
             Table(
-                "The models, in the order in which they were tried.",
-                ("rung", "error (%)", "χ² per degree of freedom", "plane held out (%)", "scene"),
+                "The models, in the order in which they were tried. Every fit judges the noise anew: χ² per "
+                "degree of freedom compares with that of the base model beside it, not with another rung's.",
+                ("rung", "error (%)", "χ² / dof", "base by the same noise", "plane held out (%)", "scene"),
                 [
                     [rung.label, three_digits(rung.error_percent), three_digits(rung.chi2_per_dof),
-                     three_digits(rung.held_out_percent), rung.scene]
-                    for rung in rungs
+                     three_digits(base), three_digits(rung.held_out_percent), rung.scene]
+                    for rung, base in zip(rungs, of_base, strict=True)
                 ],
-                (4,),
+                (5,),
             )
         ],
     )  # fmt: skip

@@ -22,12 +22,14 @@ from lightfield.report.style import (
     WIDTH,
     figure,
     label,
+    legend_under,
     panels,
     plain_log_axis,
 )
 from lightfield.studies.follower.design.compared import JudgedArray
 from lightfield.studies.follower.elements import Elements
 from lightfield.studies.follower.frames import POSE
+from lightfield.studies.follower.information import is_told
 from lightfield.studies.follower.survey import DOCKING, Survey
 from lightfield.wording import capital
 
@@ -48,11 +50,12 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
         width = 0.8 / len(shown)
         for k, one in enumerate(shown):
             parts = [one.sigma[n] / DOCKING[n] for n in names]
-            known = np.where(np.isfinite(parts), parts, np.nan)
+            told = [is_told(n, one.sigma[n]) for n in names]
+            known = np.where(told, parts, np.nan)
             at = np.arange(len(names)) + (k - 0.5 * (len(shown) - 1)) * width
             title = "the scene's pose" if one is survey.here else survey.on_axis(one)
             bars.bar(at, known, 0.92 * width, color=SERIES[k % len(SERIES)], label=title)
-            for place, part, name in zip(at, parts, names, strict=True):
+            for place, part, name in zip(at, known, names, strict=True):
                 text = f"{SHOWN[name][1] * one.sigma[name]:.3g}" if np.isfinite(part) else "unknown"
                 height = part if np.isfinite(part) else 1.0
                 bars.annotate(
@@ -67,12 +70,12 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
         bars.axhline(1, color=BAD, linestyle=DASH, label="what docking allows")
         bars.set_yscale("log")
         low, high = bars.get_ylim()
-        bars.set_ylim(low, max(high, 2.0) * (30 if narrow else 6))
+        bars.set_ylim(low, max(high, 2.0) * 6)  # room for the numbers
         words = [f"{WORDS[n]}\n({SHOWN[n][0]})" for n in names]
         bars.set_xticks(range(len(names)), words, fontsize=8 if narrow else None)
         bars.set_xlim(-0.5, len(names) - 0.5)  # where bars are unknown, too
         bars.grid(False, axis="x")
-        bars.legend(loc="upper left", ncols=1 if narrow else 2, fontsize=8 if narrow else 8.5)
+        legend_under(bars)
         label(bars, "", "smallest error / what docking allows", "What one reading can tell at best")
     return fig
 

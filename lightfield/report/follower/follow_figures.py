@@ -41,6 +41,8 @@ _FANS = ((2.0, 0.10), (1.4, 0.14), (1.0, 0.22))
 _WIDEST_DEG = 80.0
 #: What of a mission says when its light or its water changes.
 _EVENTS = ("dark_from_s", "dark_for_s", "turbid_factor", "turbid_from_s", "turbid_for_s", "current_from_s")
+#: Runs that lost their way are drawn so far beyond the others, as a part of the largest distance. Chosen.
+_BEYOND = 0.5
 #: Colours of what is believed: the traced field in that of renders, the formula in its own.
 _COLOURS = {
     "field": RENDER, "exact": FORMULA, "fitted": SERIES[5], "clear": SERIES[3], "relative": SERIES[4],
@@ -151,17 +153,27 @@ def way_figure(cases: Sequence[Followed], narrow: bool = False) -> Figure:
         else:
             far.legend(fontsize=8.5, loc="best")
         far.margins(y=0.15)
-        label(far, "time (s)", "distance from the lamp (m)", "Distance; green: asked for")
+        _within(far, cases[:MOST_ROWS])
+        label(far, "time (s)", "distance along the beam (m)", "Distance; green: asked for")
         label(aside, "time (s)", "distance from the axis (cm)", "Off the axis")
         aside.set_ylim(bottom=0)
     return fig
 
 
 def _mean(values: np.ndarray, one: Followed) -> np.ndarray:
-    """Of the runs that kept their way; of all where none did."""
-    values = values[:, one.lost == one.lost.all()]
+    """Of the runs that kept their way; NaN where none did."""
+    values = values[:, ~one.lost]
     count = np.isfinite(values).sum(axis=1)
     return np.where(count > 0, np.nansum(values, axis=1) / np.maximum(count, 1), np.nan)
+
+
+def _within(axis: Axes, cases: Sequence[Followed]) -> None:
+    """Leave out where only runs go that lost their way, far beyond what was asked for or behind the lamp."""
+    kept = [one.track.pose[:, ~one.lost, 2] for one in cases]
+    known = np.concatenate([*(v.ravel() for v in kept), *(one.track.goal_m.ravel() for one in cases)])
+    top = float(known.max())
+    low, high = axis.get_ylim()
+    axis.set_ylim(max(low, min(float(known.min()), 0.0) - _BEYOND * top), min(high, (1 + _BEYOND) * top))
 
 
 def _scene(cases: Sequence[Followed], k: int) -> int:

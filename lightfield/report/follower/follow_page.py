@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import xarray as xr
 
@@ -60,7 +62,7 @@ def following_page(found: Following) -> str:
                 page_figure(
                     "way",
                     f"Thin: each of {count} runs, with noise, gain, water and lamp of its own as far as the "
-                    f"scene says that they are not known. Thick: their mean{kept}.{events_in_words(cases)}",
+                    f"scene says that they are not known. {_thick(cases, kept)}{events_in_words(cases)}",
                     "Distance and offset over time",
                     way_figure,
                     cases,
@@ -87,6 +89,14 @@ def following_page(found: Following) -> str:
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
     return page(title, f"{found.verdict}.", lead, sections, first.scene, origin)
+
+
+def _thick(cases: Sequence[Followed], kept: str) -> str:
+    """What the thick lines are, and who has none."""
+    if all(one.lost.all() for one in cases):
+        return "All lost their way: no run is left for a mean."
+    none = " None of a follower of which no run is left." if any(one.lost.all() for one in cases) else ""
+    return f"Thick: their mean{kept}.{none}"
 
 
 def _run_by(one: Followed) -> str:
@@ -141,6 +151,8 @@ def _cell(one: Followed, name: str) -> str:
         return "–"
     if name in COUNTED:
         return f"{int(one.runs[name].sum())} of {len(one.runs[name])}"
+    if one.lost.all():
+        return "no run left"
     over = one.spreads[name]
     return _words(over.mean, over.scatter)
 

@@ -133,10 +133,10 @@ def _survey_headline(survey: Survey) -> str:
     if survey.reaches in (0, 1):
         where = "everywhere" if survey.reaches else "nowhere in the formation space"
     said = [f"{len(survey.elements)} elements know where they are well enough to dock {where}"]
-    if blind := [WORDS[n] for n, s in survey.here.sigma.items() if not np.isfinite(s)]:
+    if blind := [WORDS[n] for n, s in survey.here.sigma.items() if not is_told(n, s)]:
         said.append(f"blind to {', '.join(blind)}")
-    if alike := len(survey.rivals):
-        said.append("another pose looks alike" if alike == 1 else f"{alike} other poses look alike")
+    if survey.rivals:
+        said.append(survey.rivals_in_words)
     return f"{'; '.join(said)}."
 
 

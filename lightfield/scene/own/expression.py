@@ -104,6 +104,10 @@ class Expression:
         every = (node for node in ast.walk(self._tree) if isinstance(node, ast.Name))
         return frozenset(node.id for node in every if id(node) not in called) - CONSTANTS.keys()
 
+    def __reduce__(self) -> tuple[type[Expression], tuple[str]]:
+        """Another process reads the text again: what computes it cannot be sent there."""
+        return Expression, (self.text,)
+
     def __call__(self, values: Mapping[str, Array | float]) -> Array:
         """The formula's value, in the shape that the named values have together; not always finite.
 

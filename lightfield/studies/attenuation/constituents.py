@@ -37,6 +37,8 @@ EXTRA = {GREY: ("1/m", "grey scattering", 0.02, 0.05, 2.0)}
 #: Rise of chi-square at the ends of intervals of 68 % and 95 % (one parameter; Wilks 1938,
 #: doi:10.1214/aoms/1177732360).
 _RISE_68, _RISE_95 = 1.0, 3.841
+#: The same in words, of amounts that are found and of those that are not.
+LEVELS = "intervals of 68 %, limits of 95 %"
 #: Slopes of CDOM that are tried, and how finely, 1/nm: from humic acids to the clearest ocean (0.008 to 0.03:
 #: Twardowski et al. 2004, doi:10.1016/j.marchem.2004.02.008).
 _SLOPE, _SLOPES_PER_NM, _SLOPE_TO = "cdom_slope_per_nm", (0.008, 0.03), 1e-5

@@ -10,7 +10,7 @@ import numpy as np
 from lightfield.arrays import evenly, finite
 from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
-from lightfield.studies.attenuation.constituents import Constituents
+from lightfield.studies.attenuation.constituents import LEVELS, Constituents
 from lightfield.studies.attenuation.scattered import Scattered
 from lightfield.studies.attenuation.study import (
     Attenuation,
@@ -37,7 +37,7 @@ def as_text(found: Attenuation) -> str:
         lines += ["", "What K hides:", *scattered_sentences(found.scattered)]
         lines += scene_sentences(found)
     if found.content is not None:
-        lines += ["", "Constituents:", *content_lines(found.content), *content_sentences(found.content)]
+        lines += ["", *content_lines(found.content), *content_sentences(found.content)]
     lines += [f"note: {note}" for note in note_sentences(found)]
     return "\n".join(lines)
 
@@ -226,8 +226,8 @@ def amount_text(model: Constituents, name: str) -> str:
 
 
 def content_lines(found: Content) -> list[str]:
-    """`content_rows` for a terminal."""
-    heads, lines = content_head(found)[1:], []
+    """`content_rows` for a terminal, with a head."""
+    heads, lines = content_head(found)[1:], [f"Constituents ({LEVELS}):"]
     for row in content_rows(found):
         lines.append(row[0])
         lines += [f"    {head:<32} {cell}" for head, cell in zip(heads, row[1:], strict=True)]

@@ -6,7 +6,7 @@ The render is the reference, so every relative error is (formula - render) / ren
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -26,6 +26,7 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import BandLight, at_wavelengths, over_band, pieces
 from lightfield.scene.in_tank import ROUNDING_M, cells_inside
 from lightfield.scene.lamp.frame import axis_at
+from lightfield.studies.compare.in_a_sentence import in_a_sentence
 from lightfield.studies.compare.rings import (
     BEYOND,
     ERROR_LEVELS,
@@ -209,6 +210,12 @@ class Comparison:
         """Wavelengths, each once."""
         return sorted({plane.wavelength_nm for plane in self.planes})
 
+    @property
+    def brightest_nm(self) -> float:
+        """The wavelength of which most light was rendered."""
+        light = {nm: sum(float(np.nansum(p.render)) for p in self.at(nm)) for nm in self.wavelengths_nm}
+        return max(light, key=lambda nm: light[nm])
+
     def at(self, wavelength_nm: float) -> list[PlaneComparison]:
         """Planes at one of the wavelengths, near to far."""
         return sorted((p for p in self.planes if p.wavelength_nm == wavelength_nm), key=lambda p: p.z_m)
@@ -221,7 +228,7 @@ class Comparison:
             "quantity": self.quantity,
             "units": self.units,
             "sigmas": SIGMAS,
-            "verdict": as_text(self),
+            "verdict": in_a_sentence(self),
             "planes": [plane.as_data() for plane in self.planes],
         }
 
@@ -330,71 +337,3 @@ def closed_form(scene: Scene, x_m: Array, y_m: Array, z_m: Array, spectrum: Band
     return np.asarray(
         np.mean([intensity * direct_field(scene, x_m, y_m, z_m, at) for at, intensity in each], axis=0)
     )
-
-
-def as_text(comparison: Comparison) -> str:
-    """One plain sentence: how much light the formula loses, and up to where it can be trusted; of several
-    wavelengths at the middle one."""
-    middle = comparison.wavelengths_nm[len(comparison.wavelengths_nm) // 2]
-    planes = comparison.at(middle)
-    lit = [plane for plane in planes if plane.is_lit]
-    if not lit:
-        return "No light was rendered on any plane: nothing can be compared. More photons, or planes nearer."
-    dark = ", ".join(f"{plane.z_m:g}" for plane in planes if not plane.is_lit)
-    unknown = f" No light was rendered at {dark} m: nothing can be compared there." if dark else ""
-    first, last = lit[0], lit[-1]
-    verbs = ["loses" if plane.lost >= 0 else "adds" for plane in (first, last)]
-    light = f"At {middle:g} nm, of" if len(comparison.wavelengths_nm) > 1 else "Of"
-    lost = f"{light} the light on the plane the formula {verbs[0]} {_percent(abs(first.lost))}"
-    lost += f" at {first.z_m:g} m"
-    if last is not first:
-        verb = "" if verbs[0] == verbs[1] else f"{verbs[1]} "
-        lost += f" and {verb}{_percent(abs(last.lost))} at {last.z_m:g} m"
-    there = _told_on_axis(lit, "every lit plane" if dark else "every plane")
-    return f"{lost}; {there}; {_told_off_axis(last)}.{unknown}"
-
-
-def _told_on_axis(lit: Sequence[PlaneComparison], every: str) -> str:
-    """Where the formula can be trusted on the axis."""
-    if not (met := [plane for plane in lit if np.isfinite(plane.axis.formula[0])]):
-        return "the lamp's axis meets none of the planes"
-    if len(met) < len(lit):
-        lit, every = met, "every plane that the lamp's axis meets"
-    states = [plane.told_on_axis for plane in lit]
-
-    def at(state: int) -> str:
-        return ", ".join(f"{plane.z_m:g}" for plane, its in zip(lit, states, strict=True) if its == state)
-
-    if set(states) == {WITHIN}:
-        return f"on the axis it is within 5 % on {every}"
-    if set(states) == {BEYOND}:
-        return f"on the axis it is more than 5 % off on {every}"
-    if set(states) == {OPEN}:
-        return f"on the axis too few photons tell whether it is within 5 % on {every}"
-    if not at(OPEN):
-        return f"on the axis it is within 5 % at {at(WITHIN)} m only"
-    known = [f"within 5 % at {at(WITHIN)} m"] if at(WITHIN) else []
-    known += [f"more than 5 % off at {at(BEYOND)} m"] if at(BEYOND) else []
-    return f"on the axis it is {' and '.join(known)}, and too few photons tell at {at(OPEN)} m"
-
-
-def _told_off_axis(last: PlaneComparison) -> str:
-    """Up to where it can be trusted on the farthest plane."""
-    radius, beyond, is_left = last.within(ERROR_LEVELS[1])
-    if np.isinf(radius):
-        return f"off the axis it stays within 10 % to the edge of the plane at {last.z_m:g} m"
-    if is_left and radius == 0:
-        outwards = " from the axis outwards" * bool(np.isfinite(last.axis.formula[0]))
-        return f"at {last.z_m:g} m it is more than 10 % off everywhere{outwards}"
-    if is_left:
-        return f"at {last.z_m:g} m it is more than 10 % off beyond {radius:.2f} m from the axis"
-    known = [] if np.isnan(radius) else [f"within 10 % to {radius:.2f} m"]
-    known += [] if np.isnan(beyond) else [f"more than 10 % off at {beyond:.2f} m"]
-    if not known:
-        return f"off the axis too few photons tell at {last.z_m:g} m"
-    return f"at {last.z_m:g} m it is {' and '.join(known)} from the axis; elsewhere too few photons tell"
-
-
-def _percent(part: float) -> str:
-    percent = round(100 * part, 1) + 0.0  # no minus before nothing
-    return f"{percent:.1f} %" if abs(percent) < 10 else f"{percent:.0f} %"

@@ -105,6 +105,9 @@ class Statistics:
         dark, or there is one plane.
     noise_floor_percent : float
         Where the error would be if only noise were left; NaN where the model is dark.
+    base_chi2_per_dof : float
+        Of the model without the named effects, by the noise of this fit: that of a fit of its own is in units
+        of the noise that is judged there.
     """
 
     chi2: float
@@ -113,6 +116,7 @@ class Statistics:
     error_percent: float
     held_out_percent: float
     noise_floor_percent: float
+    base_chi2_per_dof: float
 
     @property
     def chi2_per_dof(self) -> float:
@@ -163,6 +167,7 @@ class FitReport:
             "effects": self.model.effects,
             "error_percent": self.statistics.error_percent,
             "chi2_per_dof": self.statistics.chi2_per_dof,
+            "base_chi2_per_dof": self.statistics.base_chi2_per_dof,
             "held_out_percent": self.statistics.held_out_percent,
             "scene": path.name,
         }
@@ -273,6 +278,7 @@ def fit_readings(
                 percent(problem, fit.prediction, lit),
                 held_out(problem, model.explanation, fit, made.whiten),
                 rms_over(sigma[lit], fit.prediction[lit]),
+                _base_chi2_per_dof(problem, base, made),
             ),
             Residuals.of(problem, fit.prediction, sigma),
             budget.assumed,
@@ -280,6 +286,13 @@ def fit_readings(
             base,
             sigma,
         )
+
+
+def _base_chi2_per_dof(problem: Problem, prediction: Array, made: Bench) -> float:
+    residual = made.whiten(problem.keep * (problem.value - prediction))
+    model = problem.model()
+    free = int((model.high > model.low).sum())
+    return float(residual @ residual) * made.phi / max(int(problem.keep.sum()) - free, 1)
 
 
 def _not_converged(fit: Fit) -> Caution:
@@ -312,7 +325,8 @@ def _refit(
         made = bench(prepared, 0.0, rng)
         problem = prepared.problem
         base = problem.fit((), made.whiten, [problem.model().start])
-        fit = problem.fit(explanation, made.whiten, _starts(problem, explanation, base.u), tolerance=1e-6)
+        starts = problem.starts(base.u, explanation, made.whiten) if explanation else [base.u]
+        fit = problem.fit(explanation, made.whiten, starts, tolerance=1e-6)
         traces.asked = forward.light.to_trace([fit.values]) or prepared.to_trace_per_m
     if can_follow(problem) and scatters(problem, fit):
         there = settle(problem, explanation, fit, made.whiten)
@@ -327,9 +341,3 @@ def _refit(
         made = replace(made, whiten=told.whiten, test=test)
     without = base if explanation else fit
     return Refit(problem, explanation, fit, errors), made, without.prediction
-
-
-def _starts(problem: Problem, explanation: Explanation, base: Array) -> list[Array]:
-    if not explanation:
-        return [base]
-    return [problem.default_start(base, explanation, size) for size in (1.0, 10.0, -3.0)]

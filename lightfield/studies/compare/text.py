@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lightfield.arrays import jsonable
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.verdict.speech import in_unit
 from lightfield.studies.compare.readings import FitReport, correlations
 
@@ -16,6 +17,8 @@ def as_text(report: FitReport) -> str:
     """The report for people."""
     model, statistics = report.model, report.statistics
     kept = int(model.problem.keep.sum())
+    base = f"  (base by the same noise: {statistics.base_chi2_per_dof:.4g})" if model.effects else ""
+    missing = "something is missing" if statistics.adequacy_p < ALPHA else "no sign that anything is missing"
     lines = [
         "[[Model]]",
         f"    {' + '.join(['base', *(f'{c.name} ({c.form.name})' for c in model.explanation)])}, "
@@ -26,11 +29,11 @@ def as_text(report: FitReport) -> str:
         f"    model evaluations = {model.fit.evaluations}"
         + ("" if model.fit.converged else " (not converged: see the warning below)"),
         f"    chi-square        = {statistics.chi2:.4g}",
-        f"    chi-square / dof  = {statistics.chi2_per_dof:.3f}",
+        f"    chi-square / dof  = {statistics.chi2_per_dof:.3f}{base}",
         f"    error             = {_in_percent(statistics.error_percent)}  (rms, above 5 % of the plane's "
         "maximum)",
         f"    held out          = {_in_percent(statistics.held_out_percent)}  (each plane from the others)",
-        f"    adequacy p        = {statistics.adequacy_p:.3f}  (is anything missing? small: yes)",
+        f"    adequacy p        = {statistics.adequacy_p:.3f}  ({missing})",
         "[[Parameters]]",
     ]
     width = max(len(path) for path in report.estimates)

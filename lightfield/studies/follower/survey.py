@@ -128,6 +128,13 @@ class Survey:
             },
         }
 
+    @property
+    def rivals_in_words(self) -> str:
+        """How many other poses look alike."""
+        few = ("no other pose looks alike", "another pose looks alike")
+        count = len(self.rivals)
+        return few[count] if count < len(few) else f"{count} other poses look alike"
+
     def as_text(self) -> str:
         known = ", ".join(f"{name} {sigma:.3g}" for name, sigma in self.nuisances.items()) or "nothing else"
         lines = [
@@ -142,10 +149,8 @@ class Survey:
             lines.append(LOOKS_AWAY)
         if self.tied:
             lines.append(self.why_unknown)
-        if self.rivals:
-            lines.append(f"{len(self.rivals)} other poses look alike; the nearest: {self.rivals[0]}")
-        else:
-            lines.append("no other pose looks alike")
+        nearest = f"; the nearest: {self.rivals[0]}" if self.rivals else ""
+        lines.append(self.rivals_in_words + nearest)
         return "\n".join(lines)
 
 

@@ -234,7 +234,7 @@ class Followed:
             if name in COUNTED:
                 text = f"{int(self.runs[name].sum())} of {len(self.runs[name])}"
             elif not one.runs:
-                text = "in no run" if self.lost.all() else "never"
+                text = "no run left" if self.lost.all() else "never"
             else:
                 text = f"{one} {unit}"
                 if np.isfinite(one.error):

@@ -35,7 +35,7 @@ from lightfield.studies.light_at import FARTHEST_M, refuse_dark
 from lightfield.studies.link.arrival import Colours, along_axis
 from lightfield.studies.link.receiver import SEEN_SNR, Receiver
 from lightfield.studies.regime import AIMED
-from lightfield.studies.working_range.reaches import Reach, docking_reach, last_place
+from lightfield.studies.working_range.reaches import SURE, Reach, docking_reach, last_place
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -65,6 +65,9 @@ class Reaches:
         For seeing the lamp at all.
     docking : Reaches of a pose
         Up to where an array knows its pose as well as docking asks, see `working_range.reaches`.
+    data_sure_m, seen_sure_m : float
+        Up to where it surely holds of a range beyond the farthest distance whose light few photons tell; else
+        NaN.
     """
 
     data_m: float
@@ -75,6 +78,8 @@ class Reaches:
     seen_stderr_m: float
     seen_formula_m: float
     docking: Reach
+    data_sure_m: float = float("nan")
+    seen_sure_m: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,6 +203,12 @@ def _reach(data: xr.Dataset, receiver: Receiver, docking: Reach) -> Reaches:
         return last_place(partial(np.interp, xp=z, fp=np.log(np.maximum(ratio, TINY))), 0.0, z)
 
     data_m, seen_m = last(receiver.q(power) / need), last(receiver.seen_snr(power) / SEEN_SNR)
+    low = power * np.maximum(1 - SURE * relative, 0)
+    lows = last(receiver.q(low) / need), last(receiver.seen_snr(low) / SEEN_SNR)
+    sure = [
+        end if np.isinf(at) and np.isfinite(end) else float("nan")
+        for at, end in zip((data_m, seen_m), lows, strict=True)
+    ]
     slope = np.abs(np.gradient(np.log(power), z))
     errors = [
         float(np.interp(at, z, relative / slope)) if np.isfinite(at) else float("nan")
@@ -206,5 +217,5 @@ def _reach(data: xr.Dataset, receiver: Receiver, docking: Reach) -> Reaches:
     return Reaches(
         data_m, errors[0], last(receiver.q(formula) / need),
         last(receiver.q(power, data.eye.values) / need),
-        seen_m, errors[1], last(receiver.seen_snr(formula) / SEEN_SNR), docking,
+        seen_m, errors[1], last(receiver.seen_snr(formula) / SEEN_SNR), docking, *sure,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from lightfield.scene.acts import Acts
 from lightfield.scene.parameters import switched_off
 from lightfield.studies.follower.survey import DOCKING_ASKS
 from lightfield.studies.link.receiver import SEEN_HZ, SEEN_SNR
-from lightfield.studies.link.study import Link
+from lightfield.studies.link.study import Link, Reaches
 from lightfield.studies.working_range.reaches import Reach
 from lightfield.studies.working_range.text import POSE_WORDS, UNTOLD
 
@@ -54,7 +54,7 @@ def headline(found: Link) -> str:
     r, rate = found.reaches["scene"], found.receiver.bit_rate_per_s
     least, far = (float(found.dataset.z_m[k]) for k in (0, -1))
     return (
-        f"{rate / 1e6:g} Mbit/s reach {reached(r.data_m, r.data_stderr_m, most=far, least=least)} in the "
+        f"{rate / 1e6:g} Mbit/s reach {_data(r, far, least)} in the "
         f"scene's water; exp(−cz) says {reached(r.data_formula_m, most=far, least=least)}."
     )
 
@@ -92,15 +92,19 @@ def rows(found: Link) -> list[list[str]]:
         a, b = (float(found.dataset[n].values[k]) for n in ("absorption", "scattering"))
         docking, near = r.docking, found.docking_to_m
         table.append([
-            name, f"{a:.3g}, {b:.3g}", reached(r.data_m, r.data_stderr_m, most=far, least=least),
+            name, f"{a:.3g}, {b:.3g}", _data(r, far, least),
             *(reached(at, most=far, least=least) for at in (r.data_with_echoes_m, r.data_formula_m)),
             docked(docking, near, least),
             nearer(docking.formula_near_m)
             + reached(docking.formula_m, from_m=docking.formula_from_m, most=near, least=least),
-            reached(r.seen_m, r.seen_stderr_m, most=far, least=least),
+            surely(reached(r.seen_m, r.seen_stderr_m, most=far, least=least), r.seen_sure_m),
             reached(r.seen_formula_m, most=far, least=least),
         ])  # fmt: skip
     return table
+
+
+def _data(reaches: Reaches, most: float, least: float) -> str:
+    return surely(reached(reaches.data_m, reaches.data_stderr_m, most=most, least=least), reaches.data_sure_m)
 
 
 def bandwidth_sentence(found: Link) -> str:
@@ -195,8 +199,12 @@ def docked(reach: Reach, most: float, least: float) -> str:
     if not reach.is_told:
         return UNTOLD
     words = reached(reach.z_m, reach.stderr_m, reach.from_m, most, least, reach.from_stderr_m)
-    words = nearer(reach.near_m) + words
-    return f"{words} ({reach.sure_m:.1f} m for sure)" if np.isfinite(reach.sure_m) else words
+    return surely(nearer(reach.near_m) + words, reach.sure_m)
+
+
+def surely(words: str, sure_m: float) -> str:
+    """A distance in words, and up to where it is sure, where that is nearer."""
+    return f"{words} ({sure_m:.1f} m for sure)" if np.isfinite(sure_m) else words
 
 
 def as_data(found: Link) -> dict[str, Any]:

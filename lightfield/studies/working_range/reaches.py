@@ -28,7 +28,7 @@ RELATIVE = "_relative"
 #: the photons leave.
 _SMOOTHED = 0.01
 #: A bound is surely good where it is with so many of its errors more: one in forty is worse by chance.
-_SURE = 2.0
+SURE = 2.0
 #: What cannot be known at all, in m and rad, for logarithms.
 _UNKNOWN = 1e6
 #: Steps on which distances are looked for, and distances at which poses are asked about.
@@ -123,14 +123,14 @@ def _within(name: str, z: Array, over: Array, doubt: Array, formula: Array) -> R
     """The last stretch of distances on which a logarithm is surely below 0, and one that begins at once.
 
     `doubt` is its relative error. What few photons leave of far light looks like information: a stretch that
-    is not good with an error `_SURE` times as large as well is none.
+    is not good with an error `SURE` times as large as well is none.
     """
     nothing = float("nan")
     formula_near, formula_far = _stretch(z, formula, formula <= 0)
     of_formula, near_of_formula = nothing, nothing
     if formula_near > z[0]:
         of_formula, near_of_formula = formula_near, _first_end(z, formula, formula[0] <= 0)
-    worse = over + np.log1p(_SURE * doubt)
+    worse = over + np.log1p(SURE * doubt)
     if (over <= 0).any() and not (worse <= 0).any():
         return Reach(
             name,

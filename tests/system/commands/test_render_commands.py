@@ -295,3 +295,10 @@ def test_wrong_commands_give_one_line_and_exit_code_2(
         p for p in tmp_path.iterdir() if p not in before and p.name not in ("render", "compare", "regime")
     ]
     assert left == [], "nothing half-done stays"
+
+
+def test_what_a_scene_states_without_effect_is_told(scene, tmp_path, capsys) -> None:
+    (tmp_path / "lamp.csv").write_text("angle_deg,intensity\n0,2\n5,1\n")
+    file = scene(extra='[lamp]\nprofile = "gaussian"\nintensity_table = "lamp.csv"\n')
+    assert main(["render", str(file), *FAST, "--no-figures", "--no-exr", "-o", str(tmp_path / "maps")]) == 0
+    assert "not used: lamp.intensity_table (profile is gaussian)" in capsys.readouterr().out

@@ -256,3 +256,14 @@ def test_maps_have_the_shape_of_the_plane(page) -> None:
       return [square, box().width / box().height];
     }""")
     assert shape == [pytest.approx(1.0, abs=0.02), pytest.approx(2.0, abs=0.04)]
+
+
+@pytest.mark.parametrize(
+    ("error", "chi2", "met"),
+    [(2.1, 1.1, True), (2.1, 9.0, False), (2.5, 1.1, False), (2.1, None, False), (None, 1.1, False)],
+)
+def test_an_error_below_the_floor_is_met_where_chi_square_is_noise_too(
+    still, error: float | None, chi2: float | None, met: bool
+) -> None:
+    """The floor in per cent is that of the dim readings, below which bright ones may be missed by far."""
+    assert still.evaluate("([error, chi2]) => LF.met(error, 2.0, chi2)", [error, chi2]) is met

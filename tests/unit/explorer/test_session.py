@@ -167,20 +167,21 @@ def test_effects_that_exclude_each_other_are_refused(session: Session) -> None:
 
 def test_a_formula_of_ones_own_explains_what_it_was_made_with() -> None:
     readings, scene = analytic_readings.readings(
-        seed=5, factor=lambda t: 1 - 0.3 * np.exp(-(((t.x_m - 0.1) / 0.1) ** 2))
+        seed=5, layout="fine", factor=lambda t: 1 + 0.2 * np.exp(-(((t.x_m - 0.3) / 0.1) ** 2))
     )
     session = Session(scene, readings, diffuse=None)
     session.begin()
     before = error(session)
     numbers = [
-        {"name": "depth", "low": 0.0, "high": 0.9, "neutral": 0.0},
+        {"name": "depth", "low": -0.9, "high": 0.9, "neutral": 0.0},
         {"name": "x0", "low": -0.5, "high": 0.5, "unit": "m"},
+        {"name": "width", "low": 0.02, "high": 0.3, "unit": "m"},
     ]
-    formula = "1 - depth*exp(-((x - x0)/0.1)**2)"
+    formula = "1 - depth*exp(-((x - x0)/width)**2)"
     ask(session, "own", name="rope", stage="path", formula=formula, parameters=numbers)
-    assert error(session) < 0.3 * before
-    assert session.now.values["effect.rope.depth"] == pytest.approx(0.3, abs=0.02)
-    assert session.now.values["effect.rope.x0"] == pytest.approx(0.1, abs=0.01)
+    assert error(session) < 0.5 * before
+    assert session.now.values["effect.rope.depth"] == pytest.approx(-0.2, abs=0.02)
+    assert session.now.values["effect.rope.x0"] == pytest.approx(0.3, abs=0.01)
     assert 'name = "rope"' in scene_toml(session)
 
 

@@ -13,7 +13,8 @@ from lightfield.maps.spot import Unmeasured, spot_shape
 from lightfield.render.response.grid import scene_grid
 from lightfield.report.compare.figures import axial_figure, maps_figure, radial_figure
 from lightfield.report.light_figures import planes_figure
-from lightfield.studies.compare.maps import as_text, compare
+from lightfield.studies.compare.in_a_sentence import in_a_sentence
+from lightfield.studies.compare.maps import compare
 from lightfield.studies.compare.rings import excess
 from lightfield.sweep.derived import derive
 
@@ -55,7 +56,7 @@ def test_old_maps_wider_than_the_tank_say_what_clipped_ones_say(maps):
         assert np.nanmax(a.smooth_excess()) == pytest.approx(np.nanmax(b.smooth_excess()), rel=0.05)
         assert b.profile.r_m.max() < 0.15  # rings that the surface cuts are no rings
         assert np.isfinite(b.profile.render).all()
-    assert "nan" not in as_text(new)
+    assert "nan" not in in_a_sentence(new)
 
 
 def test_error_near_the_surface_is_not_smeared_over_it(maps):

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
+from lightfield.commands.sweep import as_text
 from lightfield.errors import RenderError
 from lightfield.scene import Scene
 from lightfield.sweep import runner
 from lightfield.sweep.axes import parse_axis
 from lightfield.sweep.results import verify
-from lightfield.sweep.runner import MAPS, run_sweep
+from lightfield.sweep.runner import MAPS, SweepProgress, run_sweep
 from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 
 SCENE = {
@@ -77,3 +78,22 @@ def test_a_case_whose_bands_see_no_light_fails(tmp_path) -> None:
     done = run_sweep(make_plan(Scene.from_dict({**SCENE, "lamp": lamp}), axes, settings), store)
     assert done.failed == 1 and status(store) == [1, 2]
     assert "no light in the bands that are seen" in str(xr.open_zarr(store).message.values[1])
+
+
+def test_a_trace_that_lies_there_is_not_told_as_traced(plan, tmp_path) -> None:
+    """Its photons over the time in which it is read are no rate, and nothing tells what it saves."""
+    store = tmp_path / "s.zarr"
+    with pytest.raises(OSError, match="interrupted"):
+        run_sweep(plan, store, kind=failing(OSError("interrupted")))
+    done = run_sweep(plan, store)
+    assert (done.traced, done.found, done.photons, done.trace_seconds) == (1, 1, 0, 0)
+    said = as_text(plan, done, store)
+    assert "this run: 0 traced (0 photons), 2 evaluated" in said and "times as long" not in said
+
+
+def test_what_a_shared_trace_saves_counts_the_same_evaluations_on_both_sides(plan) -> None:
+    """Two cases of one trace: twice as long without evaluation, as long where it is all of the time."""
+    seconds = {"trace_seconds": 3.0, "block_seconds": 1.0}
+    done = SweepProgress(2, 1, cases_done=1, traced=1, **seconds)
+    assert done.gain(plan) == pytest.approx((2 * 3 + 2) / (3 + 2))
+    assert SweepProgress(2, 2, cases_done=1, traced=1, found=1, **seconds).gain(plan) == 0

@@ -8,7 +8,7 @@ import pytest
 
 from lightfield.commands.shared.progress import status_lines, times
 from lightfield.commands.sweep import progress_in_words
-from lightfield.progress import heard_by, part_of_trace, step, tell
+from lightfield.progress import duration, heard_by, part_of_trace, step, tell
 from lightfield.sweep.runner import SweepProgress
 
 
@@ -79,3 +79,19 @@ def test_a_sweep_moves_while_a_single_trace_runs():
     continued = SweepProgress(cases=10, traces=0, cases_before=8, cases_done=1, failed=1)
     assert continued.part == pytest.approx(0.5)
     assert progress_in_words(continued) == "9 of 10 cases, 1 failed"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [
+        (0.34, "0.34 s"),
+        (81, "81 s"),
+        (94, "94 s"),
+        (119.4, "119 s"),
+        (120, "2 min"),
+        (5000, "83 min"),
+        (5400, "1.5 h"),
+    ],
+)
+def test_a_time_loses_less_than_a_quarter_of_it_to_its_unit(seconds: float, said: str) -> None:
+    assert duration(seconds) == said

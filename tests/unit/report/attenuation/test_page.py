@@ -12,7 +12,7 @@ import pytest
 from lightfield.formula.closed_form import direct_field
 from lightfield.readings import Readings
 from lightfield.render.diffuse.source import response_for
-from lightfield.report.attenuation.figures import percent_figure
+from lightfield.report.attenuation.figures import hidden_figure, percent_figure
 from lightfield.report.attenuation.page import attenuation_page
 from lightfield.scene import Scene
 from lightfield.studies.attenuation.study import Attenuation, attenuation
@@ -76,3 +76,8 @@ def test_between_walls_k_need_not_lie_above_absorption() -> None:
     page, said = attenuation_page(found), as_text(found)
     assert "K lies between" not in page and "may leave K below absorption" in page
     assert "do not fit" in said and "walls or a surface send back bends the line" in said
+    assert found.scattered is not None
+    figure = hidden_figure(found.apparent[0], found.scattered, found.content)
+    figure.canvas.draw()
+    for axes in figure.axes:  # the line of c lay under a legend
+        assert axes.get_legend().get_window_extent().y1 < axes.get_window_extent().y0

@@ -17,7 +17,8 @@ from lightfield.report.compare.page import (
     write_comparison,
 )
 from lightfield.report.page import to_svg
-from lightfield.studies.compare.maps import as_text, compare
+from lightfield.studies.compare.in_a_sentence import in_a_sentence
+from lightfield.studies.compare.maps import compare
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,7 @@ def test_references_inside_the_drawings_are_unique_and_resolved(html):
 
 def test_verdict_is_the_first_sentence(case, html):
     body = html[html.index("<body>") :]
-    assert body.index(as_text(case[1])) < body.index("<p>")
+    assert body.index(in_a_sentence(case[1])) < body.index("<p>")
 
 
 def test_drawings_follow_the_theme(html):

@@ -12,7 +12,8 @@ from matplotlib.colors import to_rgb
 
 from lightfield.errors import UsageError
 from lightfield.report.follower.array_figures import comparison_figure, survey_figure
-from lightfield.report.follower.follow_figures import _COLOURS, events_in_words
+from lightfield.report.follower.follow_figures import _COLOURS, events_in_words, way_figure
+from lightfield.report.follower.follow_page import following_page
 from lightfield.report.follower.page import arrays_page, survey_page
 from lightfield.report.follower.pose_figures import sequence_figure
 from lightfield.report.follower.pose_page import _with_trace, poses_page
@@ -31,6 +32,8 @@ from lightfield.studies.follower.frames import POSE
 from lightfield.studies.follower.information import doubt_in_words
 from lightfield.studies.follower.rival_poses import RivalPose
 from lightfield.studies.follower.survey import survey
+from lightfield.studies.following.loop import Track
+from lightfield.studies.following.study import Followed, Following
 
 SCENE = Scene.from_dict(
     {"name": "two <diodes>", "water": {"absorption_per_m": 0.1}, "array": {"count": [2, 1], "size_m": 0.4}}
@@ -152,6 +155,66 @@ def test_nothing_covers_what_is_unknown() -> None:
     assert unknown and all(bars.get_xlim()[0] < text.xy[0] < bars.get_xlim()[1] for text in unknown)
     assert "what docking allows" not in [text.get_text() for text in bars.texts]
     assert "what docking allows" in [text.get_text() for text in bars.get_legend().get_texts()]
+
+
+def followed(*lost: float) -> Followed:
+    """Runs that stay at 6 m, or that lose their way and end 60 m behind the lamp."""
+    time, away, never = np.linspace(0, 60, 61), np.array(lost), np.full((len(lost), 4), np.nan)
+    pose = np.zeros((61, len(lost), 6))
+    pose[..., 2] = 6 - 1.1 * time[:, None] * away
+    flat = np.ones((61, len(lost)))
+    track = Track(
+        time, np.zeros((61, 3)), pose, pose, 0 * flat, 0 * pose, np.zeros((61, len(lost), 4)), flat,
+        lit=flat > 0, doubtful=flat < 0, inside=flat > 0, goal_m=6 * flat, contact=never,
+    )  # fmt: skip
+    scene = Scene.from_dict({**SCENE.to_dict(), "follower": {}})
+    runs = {name: pose.mean(axis=0)[:, 2] for name in ("standoff", "belief_less_truth")}
+    runs |= {"outside": 0 * away, "lost": away}
+    return Followed("one", scene, track, runs, False)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_of_runs_that_all_lost_their_way_there_is_no_mean() -> None:
+    page = following_page(Following([followed(1.0, 1.0)]))
+    assert "no run left" in page and "never" not in page.split("Over time")[1]
+    assert "no run is left for a mean" in page and "Thick" not in page
+    other = following_page(Following([followed(1.0, 0.0)]))
+    assert "Thick: their mean, without those that lost their way." in other and "no run left" not in other
+
+
+@pytest.mark.parametrize("lost", [(1.0, 1.0), (1.0, 0.0)])
+def test_runs_that_lost_their_way_do_not_squeeze_the_others(lost: tuple[float, ...]) -> None:
+    far = way_figure([followed(*lost)]).axes[0]
+    assert far.get_ylim()[0] > -4 and far.get_ylim()[1] > 6
+    (mean,) = (line for line in far.lines if str(line.get_label()).startswith("one:"))
+    assert np.isfinite(mean.get_ydata()).any() == (not all(lost))
+
+
+def test_what_is_next_to_unknown_is_so_in_the_figure_as_in_the_table() -> None:
+    """A turn that is known to 179 degrees alone; and no legend lies over the numbers of the bars."""
+    found = survey(SCENE, Space.of_scene(SCENE), photons=0)
+    sigma = [np.radians(179.0) if name in ("yaw", "pitch") else 0.01 for name in found.here.names]
+    here = replace(found.here, covariance=np.diag(np.square(sigma)))
+    figure = survey_figure(replace(found, here=here, axis=[]))
+    bars = figure.axes[1]
+    drawn = [text.get_text() for text in bars.texts]
+    assert "179" not in drawn and drawn.count("unknown") == sum(n in ("yaw", "pitch") for n in here.names) > 0
+    figure.canvas.draw()
+    assert bars.get_legend().get_window_extent().y1 < bars.get_window_extent().y0
+
+
+@pytest.mark.parametrize(
+    ("count", "said"),
+    [
+        (0, "no other pose looks alike"),
+        (1, "another pose looks alike; the nearest"),
+        (2, "2 other poses look alike"),
+    ],
+)
+def test_poses_that_look_alike_are_counted(count: int, said: str) -> None:
+    found = survey(SCENE, Space.of_scene(SCENE), photons=0)
+    alike = replace(found, rivals=[RivalPose(np.zeros(6), 1.0, 0.5)] * count)
+    assert said in alike.as_text()
 
 
 def test_no_belief_is_green() -> None:

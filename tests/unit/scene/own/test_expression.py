@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -161,3 +164,11 @@ def test_random_formulas_are_computed_or_refused() -> None:
             assert value.dtype == float and value.shape in ((), (3,))
             computed += 1
     assert computed > 100
+
+
+def test_one_that_was_computed_can_be_sent_to_another_process() -> None:
+    formula = Expression("1 - 0.5*exp(-x**2)")
+    before = formula({"x": X})
+    for again in (pickle.loads(pickle.dumps(formula)), copy.deepcopy(formula)):
+        assert again == formula
+        np.testing.assert_array_equal(again({"x": X}), before)

@@ -113,6 +113,7 @@ def test_what_is_found_either_way_measures_beer_lambert() -> None:
     formula.amounts[SEDIMENT] = replace(formula.amounts[SEDIMENT], value=0.03)
     content = Content(answer(**{SEDIMENT: 0.08}), answer(**{SEDIMENT: 0.08, GREY: 0.0}), formula, {})
     words = as_text(Attenuation((), None, content, ()))
+    assert "Constituents (intervals of 68 %, limits of 95 %):" in words
     assert "Beer-Lambert finds sediment 70 % low" in words and "none found: < 0.12" in words
     assert "cannot tell" not in words and "hold only" not in words
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from lightfield.maps.dataset import to_dataset
 from lightfield.render.maps import render_scene
 from lightfield.report.compare.page import comparison_page, write_comparison
 from lightfield.scene import Scene
-from lightfield.studies.compare.maps import as_text, compare, compare_plane
+from lightfield.studies.compare.in_a_sentence import in_a_sentence
+from lightfield.studies.compare.maps import compare, compare_plane
 from lightfield.studies.compare.rings import BEYOND, OPEN, WITHIN, Profile, excess, radial_profile, standing
 
 
@@ -27,7 +29,7 @@ def test_without_a_difference_nothing_is_reported(make, formula):
         assert abs(plane.lost) < 3 * plane.lost_stderr + 1e-3
         # 3 sigma + 5 % of 2 % noise is 5.5 sigma: not one of 40 000 cells.
         assert (excess(plane.render, plane.stderr, plane.formula) > 0.05).sum() == 0
-    assert "within 5 % on every plane" in as_text(comparison)
+    assert "within 5 % on every plane" in in_a_sentence(comparison)
 
 
 def dark(rendering, *planes):
@@ -44,9 +46,13 @@ def test_a_plane_without_light_is_not_judged(make, formula):
     rendering = make(glow=0.02, noise=0.002)
     whole, comparison = (compare(d, formula) for d in (to_dataset(rendering), dark(rendering, 1)))
     assert [plane.is_lit for plane in comparison.planes] == [True, False, True]
-    assert as_text(comparison).endswith(" No light was rendered at 6.5 m: nothing can be compared there.")
+    assert in_a_sentence(comparison).endswith(
+        " No light was rendered at 6.5 m: nothing can be compared there."
+    )
     alone = compare(to_dataset(rendering).isel(z_m=[0, 2]), formula)
-    assert as_text(comparison).startswith(as_text(alone).replace("every plane", "every lit plane"))
+    assert in_a_sentence(comparison).startswith(
+        in_a_sentence(alone).replace("every plane", "every lit plane")
+    )
     assert comparison.planes[0].as_data() == whole.planes[0].as_data()
     told = comparison.planes[1].as_data()
     assert told["lost"] is told["axis_error"] is told["radius_within_5_percent_m"] is None
@@ -56,7 +62,9 @@ def test_a_plane_without_light_is_not_judged(make, formula):
 @pytest.mark.usefixtures("undrawn")  # in the page: the same figures are drawn as pictures
 def test_without_any_light_there_is_no_verdict(make, formula, tmp_path):
     comparison = compare(dark(make(), 0, 1, 2), formula)
-    assert as_text(comparison).startswith("No light was rendered on any plane: nothing can be compared.")
+    assert in_a_sentence(comparison).startswith(
+        "No light was rendered on any plane: nothing can be compared."
+    )
     write_comparison(comparison, {}, tmp_path)
 
 
@@ -93,9 +101,9 @@ def test_the_axis_is_that_of_the_lamp_wherever_it_meets_the_plane():
         found.append(compare(to_dataset(render_scene(scene, max_photons=1e3, rel_error=0.5))))
     there, aside, beyond = ([plane.axis.formula[0] for plane in one.planes] for one in found)
     assert aside == pytest.approx(there, rel=1e-9)
-    assert "on the axis it is within 5 % on every plane" in as_text(found[1])
+    assert "on the axis it is within 5 % on every plane" in in_a_sentence(found[1])
     assert np.isnan(beyond).all() and found[2].planes[0].as_data()["axis_error"] is None
-    assert "the lamp's axis meets none of the planes" in as_text(found[2])
+    assert "the lamp's axis meets none of the planes" in in_a_sentence(found[2])
 
 
 def test_one_pixel_is_as_large_as_its_plane():
@@ -157,7 +165,7 @@ def test_the_first_ring_about_a_corner_of_the_outermost_cells_is_kept(pixels, ce
 
 def test_four_pixels_are_compared(make, formula):
     comparison = compare(to_dataset(make(pixels=2)), formula)
-    assert "Of the light on the plane" in as_text(comparison)
+    assert "Of the light on the plane" in in_a_sentence(comparison)
 
 
 def test_silent_cells_have_unknown_error_and_do_not_count():
@@ -178,9 +186,9 @@ def test_summary_is_plain_json(make, formula):
 def test_few_photons_tell_nothing(make, formula):
     """The same glow in a render of 60 % noise: neither within 5 % nor beyond it."""
     known, noisy = (compare(to_dataset(make(glow=0.02, noise=noise)), formula) for noise in (0.002, 0.6))
-    assert "too few photons" not in as_text(known)
-    assert "on the axis too few photons tell whether it is within 5 % on every plane" in as_text(noisy)
-    assert "off the axis too few photons tell" in as_text(noisy)
+    assert "too few photons" not in in_a_sentence(known)
+    assert "on the axis too few photons tell whether it is within 5 % on every plane" in in_a_sentence(noisy)
+    assert "off the axis too few photons tell" in in_a_sentence(noisy)
     assert [np.isinf(plane.within(0.05).radius_m) for plane in noisy.planes] == [False] * 3
     assert [plane.told_on_axis for plane in noisy.planes] == [OPEN] * 3
 
@@ -228,3 +236,34 @@ def test_where_too_few_photons_tell_nothing_is_said_to_be_off(make, formula, mon
     found = plane_of([WITHIN] * rest, monkeypatch, plane)
     assert found.radius_m == np.inf and not found.is_left
     assert plane_of([OPEN] * rest, monkeypatch, plane)[:2] == pytest.approx([np.nan, np.nan], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("lost", "said"),
+    [
+        ((2e-4, 1e-4, -3e-4), "The formula has the light on the plane to 0.05 % at 4.5 m and at 8.5 m; "),
+        (
+            (2e-4, 0.1, -0.03),
+            "Of the light on the plane the formula adds 0.0 % at 4.5 m and 3.0 % at 8.5 m; ",
+        ),
+        (
+            (0.02, 0.1, -3e-4),
+            "Of the light on the plane the formula loses 2.0 % at 4.5 m and 0.0 % at 8.5 m; ",
+        ),
+        (
+            (0.02, 0.1, -0.03),
+            "Of the light on the plane the formula loses 2.0 % at 4.5 m and adds 3.0 % at 8.5 m; ",
+        ),
+    ],
+)
+def test_nothing_is_neither_lost_nor_added(make, formula, lost: tuple[float, ...], said: str) -> None:
+    made = compare(to_dataset(make(pixels=5)), formula)
+    planes = tuple(replace(p, lost=part) for p, part in zip(made.planes, lost, strict=True))
+    assert in_a_sentence(replace(made, planes=planes)).startswith(said)
+
+
+@pytest.mark.parametrize("nm", [450.0, 650.0])
+def test_of_several_colours_the_sentence_speaks_of_the_brightest(make, formula, nm: float) -> None:
+    made = compare(to_dataset(make(pixels=5)), formula)
+    faint = [replace(p, render=p.render / 350, wavelength_nm=nm) for p in made.planes]
+    assert in_a_sentence(replace(made, planes=(*made.planes, *faint))).startswith("At 525 nm, ")

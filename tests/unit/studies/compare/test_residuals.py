@@ -104,6 +104,8 @@ def test_the_page_says_how_to_go_on_where_something_is_missing(unlit: FitReport,
         page = readings_page(report, ledger.entries(tmp_path), "again")
         assert "2 models of these readings so far" in page
         assert ("of the same readings and scene looks for what it is" in page) == said
+        words = "something is missing" if said else "no sign that anything is missing"
+        assert f"adequacy p        = {p:.3f}  ({words})" in as_text(report)
 
 
 def test_a_fit_that_was_stopped_says_how_far_it_had_to_go() -> None:

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import xarray as xr
 from plain_walk import Arrived, walk
 from scipy.optimize import brentq
 from scipy.special import erfc
@@ -19,10 +20,11 @@ from lightfield.scene.lamp.profile import solid_angle_sr
 from lightfield.studies.follower.array_noise import SensorNoise
 from lightfield.studies.link import arrival
 from lightfield.studies.link.bandwidth import GROUP_INDEX, HALF_POWER, LIGHT_M_PER_S
-from lightfield.studies.link.receiver import Receiver
-from lightfield.studies.link.study import Link, link
-from lightfield.studies.link.text import as_data, as_text
+from lightfield.studies.link.receiver import SEEN_SNR, Receiver
+from lightfield.studies.link.study import Link, _reach, link
+from lightfield.studies.link.text import as_data, as_text, surely
 from lightfield.studies.photocurrent import ELECTRON_C
+from lightfield.studies.working_range.reaches import Reach
 from lightfield.studies.working_range.study import working_range
 
 HALF = np.radians(3.81)
@@ -361,3 +363,20 @@ def test_words_data_and_page(clear) -> None:
     page = link_page(clear)
     assert all("a one has twice that power" in told for told in (page, as_text(clear)))
     assert "first source" in page and page.count("<svg") == 2 * 2
+
+
+@pytest.mark.parametrize(("part", "sure"), [(0.01, False), (0.7, True)])
+def test_what_few_photons_tell_of_far_light_is_not_known_to_be_seen(part: float, sure: bool) -> None:
+    """Power of (8 ± 5.6)e-10 W at the end, where 6.3e-10 W are needed."""
+    z, receiver = np.linspace(4.0, 60.0, 18), Receiver(noise_a_per_sqrt_hz=5e-12)
+    needed = brentq(lambda w: float(receiver.seen_snr(np.array(w))) - SEEN_SNR, 1e-15, 1e-3)
+    power = needed * np.geomspace(1e4, 1.3, len(z))
+    error = power * np.linspace(0, part, len(z))
+    light = {"power_w": power, "power_stderr_w": error, "power_formula_w": power, "eye": np.ones(len(z))}
+    data = xr.Dataset({name: ("z_m", value) for name, value in light.items()}, {"z_m": z})
+    found = _reach(data, receiver, Reach("pose", 6.0, 0.1, 6.0))
+    assert np.isinf(found.seen_m) and np.isfinite(found.seen_sure_m) == sure
+    if sure:
+        lit = power - 2 * error > needed
+        assert z[lit].max() <= found.seen_sure_m <= z[~lit].min()
+        assert surely("> 60 m", found.seen_sure_m) == f"> 60 m ({found.seen_sure_m:.1f} m for sure)"
