@@ -56,8 +56,8 @@ def _draw_reaches(axes: Axes, found: Link) -> None:
     first, last = (float(z) for z in found.dataset.z_m.values[[0, -1]])
     for k, name in enumerate(names):
         its, y, shade = found.reaches[name], len(names) - k, SERIES[k % len(SERIES)]
-        ends = its.data_m, its.data_stderr_m, its.data_formula_m
-        data = Reach("data", *ends, sure_m=its.data_sure_m)
+        found_at = its.data_m, its.data_stderr_m, its.data_formula_m
+        data = Reach("data", *found_at, sure_m=its.data_sure_m)
         for words, reach, most, at in (
             ("data", data, last, y + 0.18), ("docking", its.docking, found.docking_to_m, y - 0.18),
         ):  # fmt: skip
