@@ -107,7 +107,8 @@ def test_a_flat_top_is_followed_down_to_the_noise(tmp_path: Path, edge_deg: floa
     made = diagnose(read_flat_top(edge_deg, reach_m, 1), scene, diffuse=None, advise=False)
     verdict = made.verdict
     assert sorted(verdict.best_set) == ["beam_profile", "beam_tilt", "saturation"]
-    assert verdict.certain == ["beam_profile"] and verdict.ladder[-1].chi2_per_dof < MISSED
+    assert {"beam_profile"} <= set(verdict.certain) <= {"beam_profile", "saturation"}
+    assert verdict.ladder[-1].chi2_per_dof < MISSED
     found = verdict.explanations[0].parameters
     for path, true in {TILT: TILT_DEG, "water.absorption_per_m": PER_M, "detector.saturation": BENT}.items():
         assert abs(found[path].value - true) < 3 * found[path].stderr
