@@ -40,9 +40,8 @@ def doubt(why: Doubt, asked: Sequence[str] = ()) -> str:
         return f"{_NO_BEAM}: one and the same value everywhere tells them as well as the model does"
     if why.reason is DoubtReason.SCATTER:
         return (
-            f"the readings scatter {why.times:.1f} times as much as their errors say, and not in a way that "
-            "an effect would: these are no errors of single readings (of their mean, or in another unit), or "
-            "something changes from one reading to the next, as a lamp that flickers"
+            f"the readings scatter {why.times:.1f} times as much as their errors say, as no effect would: "
+            "the errors are too small, or something changes from one reading to the next"
         )
     if why.reason is DoubtReason.PINNED:
         pinned = " and ".join(f"{path} = {value + 0.0:.3g}" for path, value in why.pinned.items())

@@ -190,9 +190,8 @@ NO_SLIPS = "readings that no known effect reaches are no slips: they lie togethe
          f"{NO_BEAM}: they ask for more than gain = 0.74 and water.absorption_per_m = 0 allows, the edge of "
          "what is possible"),
         (DoubtReason.SCATTER, {"times": 3.44},
-         "the readings scatter 3.4 times as much as their errors say, and not in a way that an effect would: "
-         "these are no errors of single readings (of their mean, or in another unit), or something changes "
-         "from one reading to the next, as a lamp that flickers"),
+         "the readings scatter 3.4 times as much as their errors say, as no effect would: the errors are too "
+         "small, or something changes from one reading to the next"),
         (DoubtReason.NOT_CONFIRMED,
          {"named": ["beam_tilt", "cdom"], "fitted_percent": 0.4, "rendered_percent": 2.13},
          "beam tilt and CDOM would explain the readings, but the fresh render does not confirm the fit "
