@@ -65,8 +65,10 @@ def _doubted(v: VerdictData, why: Doubt) -> Said:
     others = " of the others" if why.reason is DoubtReason.SET_ASIDE else ""
     known = so_far(v.found, v.ladder, others) if why.leaves_names else ()
     told = Said.of(f"Unexplained{' in part' if known else ''}: {doubt(why, v.asked)}.", *known)
-    nothing = why.reason is DoubtReason.SCATTER and not v.found
-    return told.then("In errors as large as that no effect is missing.") if nothing else told
+    if why.reason is not DoubtReason.SCATTER:
+        return told
+    told = told if v.found else told.then("In errors as large as that no effect is missing.")
+    return told.then(rest.sentences((), None))
 
 
 def _found(v: VerdictData) -> Said:
