@@ -126,7 +126,7 @@ def test_local_unknowns_are_found_where_they_are(hidden, name: str, true: dict[s
 
 #: Of readings along x at several distances, with times.
 NAMES = [
-    "dip_in_x", "step_in_time", "dip_in_time", "ripple_in_time", "passing_cloud", "plume",
+    "dip_in_x", "step_in_time", "dip_in_time", "ripple_in_time", "passing_cloud", "plume", "gain_step",
     "ripple_over_angle", "ripple_at_receiver",
 ]  # fmt: skip
 
@@ -135,7 +135,8 @@ def test_local_unknowns_are_those_that_readings_can_tell_of() -> None:
     table, _ = readings(layout="fine")
     assert [e.name for e in local_unknowns(table)] == NAMES
     still = replace(table, x_m=0 * table.x_m, time_s=np.full(len(table.value), np.nan))
-    assert local_unknowns(still) == ()
+    assert [e.name for e in local_unknowns(still)] == ["gain_step"]
+    assert local_unknowns(replace(still, value=np.ones(len(table.value)))) == ()
 
 
 @pytest.mark.slow

@@ -122,7 +122,7 @@ def test_scattering_is_that_of_a_phase_function(
     finding = SimpleNamespace(
         best=None, closest=None, size=1, explaining=None, adequacy_of=lambda explaining: adequacy, scale=1.0,
         level=SimpleNamespace(bench=SimpleNamespace(phi=1.0), base=SimpleNamespace(u=[]), adequacy=adequacy),
-        levels=[],
+        levels=[], many=None,
     )  # fmt: skip
     finding.levels.append(finding.level)
     as_stated = SimpleNamespace(times_stated=1.0)
