@@ -7,10 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.problem.whitening import Whitener
+from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.uneven_lamp import (
@@ -131,6 +133,18 @@ def test_beside_a_curve_as_fine_as_they_go_what_a_lamp_may_do_is_told() -> None:
     assert [c.name for c in beside_finest_curve(pool, node)] == ["background"] and found["background"] < 6
     coarse = [c for c in pool.problem.candidates if c.name == "beam_profile" and not c.form.refines][-1]
     assert beside_finest_curve(pool, pool.fit((coarse, *others), [Begin({})])) == []
+
+
+def test_where_more_is_left_than_errors_leave_a_lamp_may_do_the_rest() -> None:
+    """Of kinked lamps a curve leaves twice the errors' variance, and scattering was the simplest."""
+    pool, node = pool_beside_a_lamp(**{"lamp.offset_x_m": 0.03, "detector.background": 4e-4})
+
+    def levels() -> dict[str, Certainty]:
+        return {one.candidate.name: one.level for one in evidence(pool, node, adequate=True)}
+
+    assert (levels()["background"], levels()["beam_offset"]) == (Certainty.SIMPLEST, Certainty.CERTAIN)
+    pool.ground.test.errors_stated, pool.ground.test.scale = True, 2.0
+    assert (levels()["background"], levels()["beam_offset"]) == (Certainty.ONE_OF, Certainty.CERTAIN)
 
 
 def test_what_is_not_there_does_not_show_beside_any_lamp() -> None:
