@@ -29,10 +29,9 @@ def why_below(v: VerdictData) -> str:
             "The floor lies above the error: the errors of the readings, as stated or as their scatter was "
             f"judged, are larger than what is left (of such errors a fit would leave {left_of_floor(v)} %)."
         )
-    return (
-        "The floor lies above the error, as the fit follows a part of the noise, and by chance where few "
-        f"readings make most of both: of such errors it leaves {left_of_floor(v)} %."
-    )
+    follows = left < _FAR_BELOW * (v.noise_floor_percent or left)
+    why = "as the fit follows a part of the noise" if follows else "by chance: few readings make most of both"
+    return f"The floor lies above the error {why}; of such errors a fit leaves {left_of_floor(v)} %."
 
 
 def _error_and_left(v: VerdictData) -> tuple[float, float, float] | None:

@@ -12,8 +12,8 @@ from lightfield.diagnosis.verdict.words.floor import left_of_floor, why_below
     ("floor", "left", "chance", "said"),
     [
         (12.0, 11.0, 0.9, "are larger than what is left (of such errors a fit would leave 11 ± 0.9 %)."),
-        (12.0, 11.0, 6.0, "few readings make most of both: of such errors it leaves 11 ± 6 %."),
-        (3.3, 2.8, 0.2, "of such errors it leaves 2.8 ± 0.2 %."),
+        (12.0, 11.0, 6.0, "by chance: few readings make most of both; of such errors a fit leaves 11 ± 6 %."),
+        (3.3, 2.8, 0.2, "as the fit follows a part of the noise; of such errors a fit leaves 2.8 ± 0.2 %."),
         (2.7, 2.7, 0.2, None),
         (0.4, 0.4, 0.1, None),
         (12.0, None, None, None),
