@@ -41,13 +41,14 @@ from lightfield.fitting.retraced import Retraced
 #: part of it that they leave then. Chosen: by chance one set of 60 readings in 300 scatters so much; where
 #: errors are stated half as large as they are all is left.
 _TOO_SMALL, _MENDS = 1.5, 0.6
-#: The part that the first sets of a search have to come down to for it to go on. Chosen: takes little more.
+#: The part that the first sets of a search have to come down to for it to go on. Chosen: the noise is judged
+#: again after them, which takes little more.
 _PROMISES = 0.8
 #: What a local unknown has to be worth at first sight, in chi-square of the noise. Chosen: the best of some
 #: hundred shapes takes half as much from readings without one.
 _SHOWS = 30.0
-#: And what is left beside it, in units of the stated variance, unless it mends as much. Chosen: of a hundred
-#: readings one table in thirty scatters more.
+#: What is left beside an unknown, over the stated variance, where it does not mend as much. Chosen: of a
+#: hundred readings one table in twenty scatters more.
 _AS_STATED = 1.25
 #: Where no one or two effects will do, known ones are so many at least. Derived: one and two were tried.
 _FEWEST = 3
@@ -136,8 +137,11 @@ def _settled_early(known: Knowledge) -> Knowledge | None:
 
 
 def _in_larger_errors(known: Knowledge) -> Knowledge | None:
-    """What explains the readings in errors as large as their scatter, where only that is beyond the stated
-    ones beside some effects: in these all sets miss the readings, and would be tried for nothing."""
+    """What explains the readings in errors as large as their scatter; None where more is missing beside the
+    best sets than larger errors, or a local unknown shows.
+
+    In the stated errors all sets miss the readings then, and would be tried for nothing.
+    """
     asked, data, alone = known.inquiry, known.data, known.finding.scatter
     if alone is None or data.budget.times_stated > 1 or not known.prepared.errors_stated:
         return None

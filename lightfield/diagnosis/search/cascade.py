@@ -226,7 +226,7 @@ class SearchResult:
 
     @property
     def scatter(self) -> Adequacy | None:
-        """Test of the base model, or of what came nearest, where errors alone are too small beside it."""
+        """Test of the base model, or of what came nearest, that asks for nothing but larger errors."""
         tested = (self.level.adequacy, *(one.adequacy for one in self.contenders))
         return next((one for one in tested if one and one.only_scatters(_ALPHA_EXPLANATION)), None)
 

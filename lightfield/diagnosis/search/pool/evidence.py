@@ -18,7 +18,7 @@ from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.gains_or_water import ABSORPTION, water_may_do_it
-from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
+from lightfield.diagnosis.search.pool.uneven_lamp import may_be_detail, of_an_uneven_lamp
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
 from lightfield.fitting.effects.free_form import BEAM_PROFILE
@@ -215,7 +215,7 @@ def _of(weighing: Weighing, candidate: Candidate, adequate: bool, beyond: tuple[
     like_water = water_may_do_it(pool, best, candidate)
     other_lamp = adequate and may_be_another_lamp(pool, best, candidate)
     # Detail of a lamp that its finest curve misses, where as much is left.
-    missed = weighing.leaves_more and candidate in beside_finest_curve(pool, best)
+    missed = weighing.leaves_more and may_be_detail(pool, best, candidate)
     if candidate.is_hardly_tested or like_water:  # that it fits says nothing: any would
         level = Certainty.ONE_OF
     elif not adequate:
@@ -241,8 +241,8 @@ def may_be_another_lamp(pool: Pool, node: FittedSet, candidate: Candidate) -> bo
     Two forms of a beam are terms of any shape: its curve, with more functions, does as well.
     """
     of_shape = len(_forms(pool, node, candidate, (BEAM_PROFILE,))) > 1
-    of_lamp = [*of_an_uneven_lamp(node.explanation), *beside_finest_curve(pool, node)]
-    return of_shape or candidate in of_lamp
+    of_lamp = candidate in of_an_uneven_lamp(node.explanation)
+    return of_shape or of_lamp or may_be_detail(pool, node, candidate)
 
 
 def _claim(gap: float, gap_named: float, gap_plus: float) -> Certainty:

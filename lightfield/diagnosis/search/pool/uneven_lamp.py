@@ -51,21 +51,18 @@ def of_an_uneven_lamp(explanation: Iterable[Candidate]) -> list[Candidate]:
     return others if names & (shapes | uneven) and len(others) > 1 else []
 
 
-def beside_finest_curve(pool: Pool, node: FittedSet) -> list[Candidate]:
-    """Effects of a set beside a lamp's curve that is as fine as curves go, and that do not show beside a lamp
-    of any shape.
+def may_be_detail(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
+    """Does an effect stand beside a lamp's curve that is as fine as curves go, and not show beside a lamp of
+    any shape?
 
     Where so many functions are asked for, there may be more to the lamp, an edge or a ring, than they follow:
     what they leave out others fill. (Of 20 campaigns with kinked lamps by other formulas three had certain
     names that were wrong: a background, a lamp's size, an apparent source; of 125 with others none.)
     """
-    if not any(c.name == BEAM_PROFILE and c.form.refines for c in node.explanation):
-        return []
-    return [
-        c
-        for c in node.explanation
-        if c.name != BEAM_PROFILE and sigma_beside_any_lamp(pool, node, c) < _SHOWS
-    ]
+    finest = any(c.name == BEAM_PROFILE and c.form.refines for c in node.explanation)
+    if not finest or candidate.name == BEAM_PROFILE:
+        return False
+    return sigma_beside_any_lamp(pool, node, candidate) < _SHOWS
 
 
 def sigma_beside_any_lamp(pool: Pool, node: FittedSet, candidate: Candidate) -> float:

@@ -11,7 +11,7 @@ from scipy import special
 from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import is_of_the_search_alone
-from lightfield.diagnosis.search.pool.uneven_lamp import beside_finest_curve, of_an_uneven_lamp
+from lightfield.diagnosis.search.pool.uneven_lamp import may_be_detail, of_an_uneven_lamp
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, Reason
@@ -61,7 +61,8 @@ def cautions(
     if finding.best is not None and (alike := of_an_uneven_lamp(finding.best.explanation)):
         out.append(Caution(warns=Warns.UNEVEN_LAMP, about=", ".join(c.name for c in alike)))
     many = finding.many  # also where something is unexplained: what a curve leaves of an edge, say
-    if many is not None and (beside := beside_finest_curve(many.pool, many.best)):
+    of_best = many.best.explanation if many is not None else ()
+    if many is not None and (beside := [c for c in of_best if may_be_detail(many.pool, many.best, c)]):
         out.append(Caution(warns=Warns.FINEST_CURVE, about=", ".join(c.name for c in beside)))
     if is_of_the_search_alone(prepared.problem, finding.best.fit if finding.best else finding.level.base):
         out.append(Caution(warns=Warns.UNSETTLED))

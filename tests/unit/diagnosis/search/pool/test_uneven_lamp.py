@@ -16,7 +16,7 @@ from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.pool.uneven_lamp import (
-    beside_finest_curve,
+    may_be_detail,
     of_an_uneven_lamp,
     sigma_beside_any_lamp,
 )
@@ -130,9 +130,10 @@ def test_beside_a_curve_as_fine_as_they_go_what_a_lamp_may_do_is_told() -> None:
     found = {c.name: sigma_beside_any_lamp(pool, node, c) for c in others}
     # The offset by differences of readings right and left: 0.03 m d ln(light) / dx over the errors.
     assert found["beam_offset"] > 50 and found["lamp_drift"] > 10
-    assert [c.name for c in beside_finest_curve(pool, node)] == ["background"] and found["background"] < 6
+    assert [c.name for c in node.explanation if may_be_detail(pool, node, c)] == ["background"]
     coarse = [c for c in pool.problem.candidates if c.name == "beam_profile" and not c.form.refines][-1]
-    assert beside_finest_curve(pool, pool.fit((coarse, *others), [Begin({})])) == []
+    less = pool.fit((coarse, *others), [Begin({})])
+    assert not any(may_be_detail(pool, less, c) for c in less.explanation)
 
 
 def test_where_more_is_left_than_errors_leave_a_lamp_may_do_the_rest() -> None:
