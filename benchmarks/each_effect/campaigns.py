@@ -86,7 +86,7 @@ CAMPAIGNS = (
          "saturation", "acceptance", "detector_tilt", "cosine_error", "spectral_hardening", "plane_gain",
          "attenuation_profile", "lamp_power_curve"),
     ),
-    Campaign("grid", _scene(), "grid", ("beam_ellipticity", "stratification")),
+    Campaign("grid", _scene(), "grid", ("beam_ellipticity", "stratification", "stratification:bottom layer")),
     Campaign(
         "turbid", _scene(water={"absorption_per_m": 0.1, "scattering_per_m": 0.2}), "line", ("settling",)
     ),
@@ -139,7 +139,7 @@ class Trial:
     Parameters
     ----------
     asked : str
-        The effect that it is about; "" where nothing is hidden.
+        The effect that it is about, in its first form or "effect:form"; "" where nothing is hidden.
     hidden : tuple of str
     values : tuple of (str, object)
         Parameters of all that is hidden.
@@ -160,21 +160,31 @@ class Trial:
     def seed(self) -> int:
         return number_of(self.key)
 
+    @property
+    def effect(self) -> str:
+        return effect_of(self.asked)
+
+
+def effect_of(asked: str) -> str:
+    """Effect of which a form is asked about."""
+    return asked.partition(":")[0]
+
 
 def _hidden(campaign: Campaign, asked: str, beside: int, draw: int) -> Trial:
     rng = np.random.default_rng(number_of(f"{campaign.name} {asked} {beside} {draw}"))
     scene, table = campaign.table(np.random.default_rng(0))
     known = effects.table() | effects.curves()
-    names = [asked]
-    for name in rng.permutation([n for n in campaign.company if n != asked]).tolist():
+    effect = effect_of(asked)
+    names = [effect]
+    for name in rng.permutation([n for n in campaign.company if n != effect]).tolist():
         together = all(known[name].combines_with(known[other]) for other in names)
-        if len(names) <= beside and together and name not in known[asked].contains:
+        if len(names) <= beside and together and name not in known[effect].contains:
             names.append(name)
     values: dict[str, Any] = {}
     for k, name in enumerate(names):
         low, high = np.log([STRENGTHS[0], STRENGTHS[-1]])
         strength = STRENGTHS[draw % len(STRENGTHS)] if k == 0 else float(np.exp(rng.uniform(low, high)))
-        values |= draw_effect(scene, table, name, rng, strength)
+        values |= draw_effect(scene, table, asked if k == 0 else name, rng, strength)
     return Trial(campaign, asked, tuple(names), tuple(values.items()), draw)
 
 

@@ -71,7 +71,7 @@ def _run(trial: Trial) -> Row:
         path: (estimate.value - values[path]) / estimate.stderr
         for one in verdict.found
         for path, estimate in one.parameters.items()
-        if one.effect == trial.asked and path in values and estimate.stderr
+        if one.effect == trial.effect and path in values and estimate.stderr
     }
     return row | {"pulls": pulls, "delta": _delta(trial, plain, readings, clean, sigma)}
 
@@ -89,7 +89,7 @@ def _delta(trial: Trial, plain: Scene, readings: Readings, clean: Array, sigma: 
     """By how many sigma the noise-free readings are missed without what was asked about."""
     if not trial.asked:
         return None
-    values, others = dict(trial.values), [n for n in trial.hidden if n != trial.asked]
+    values, others = dict(trial.values), [n for n in trial.hidden if n != trial.effect]
     fits = Fits(plain, readings, clean, sigma, trial.hidden)
     missed = fits.chi2(others, values) - fits.chi2(trial.hidden, values)
     return float(np.sqrt(max(missed, 0.0)))

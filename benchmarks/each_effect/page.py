@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from benchmarks.each_effect.campaigns import CAMPAIGNS
+from benchmarks.each_effect.campaigns import CAMPAIGNS, effect_of
 from benchmarks.each_effect.experiment import Row
 from lightfield.fitting import effects
 
@@ -120,8 +120,8 @@ def _line(name: str, campaign: str, rows: Sequence[Row]) -> str:
 
 def _known_by(row: Row) -> set[str]:
     """Names that stand for what was asked about."""
-    curves = effects.curves().items()
-    return {row["asked"], *(name for name, curve in curves if row["asked"] in curve.contains)}
+    effect, curves = effect_of(row["asked"]), effects.curves().items()
+    return {effect, *(name for name, curve in curves if effect in curve.contains)}
 
 
 def _is_found(row: Row) -> bool:

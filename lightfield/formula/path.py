@@ -44,9 +44,9 @@ class Ray:
     y_m: Array | float = 0.0
 
     @property
-    def height_m(self) -> Array:
-        """Mean y of the part of the ray behind the window plane, m."""
-        return np.asarray(self.y_m - 0.5 * self.dy * (self.water_m / self.r))
+    def from_y_m(self) -> Array:
+        """y where the ray crosses the window plane, m."""
+        return np.asarray(self.y_m - self.dy * (self.water_m / self.r))
 
 
 def rays(
@@ -98,7 +98,7 @@ def optical_depth(
     s = ray.water_m
     tau = attenuation_per_m(water, wavelength_nm, default_nm) * s
     if is_layered(water):
-        tau = tau + layers_depth(water, z_m, s, ray.height_m)
+        tau = tau + layers_depth(water, z_m, s, ray.y_m, ray.from_y_m)
     if time_s is not None and ages(water):
         tau = tau + growth_per_m(water, time_s, stated_nm(wavelength_nm, default_nm)) * s
     if water.hardening_per_m:

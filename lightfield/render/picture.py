@@ -173,7 +173,8 @@ def _change_per_m(scene: Scene) -> float:
     water, far = scene.water, float(max(scene.detector.planes_m, default=8.5))
     along = float(np.ptp(layers_absorption_per_m(water, np.linspace(0.0, far, 200))))
     height = scene.tank.depth_m if scene.tank else 2.0 * far * tan(radians(stated_width_deg(scene.lamp)))
-    return along + abs(water.height_gradient_per_m2) * height
+    graded = abs(water.height_gradient_per_m2) * height
+    return along + graded + abs(water.bottom_layer_absorption_per_m)
 
 
 def picture_dict(

@@ -83,7 +83,7 @@ def scenes_of_every_field(folder: Path) -> list[Scene]:
                 "chlorophyll_mg_per_m3": 0.5,
                 "cdom_440_per_m": 0.1, "sediment_g_per_m3": 0.2, "absorption_at": [[480, 0.1], [580, 0.2]],
                 "gradient_per_m2": 0.01, "layer_absorption_per_m": 0.1, "hardening_per_m": 0.02,
-                "height_gradient_per_m2": 0.01,
+                "height_gradient_per_m2": 0.01, "bottom_layer_absorption_per_m": 0.05,
                 "drift_per_m_per_hour": 0.01, "settling_per_m": 0.1,
             },
             "tank": {"wall_albedo": 0.2, "surface": "flat", "surface_reflectance": 0.5, "lamp_depth_m": 1.0,

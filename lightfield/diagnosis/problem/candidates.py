@@ -136,6 +136,7 @@ class Setting:
         time = self.layout.time_s
         span_s = float(np.ptp(time)) if self.layout.has_time else 1.0
         near, far = float(self.layout.z_m.min()), float(self.layout.z_m.max())
+        low, high = float(min(self.layout.y_m.min(), 0.0)), float(max(self.layout.y_m.max(), 0.0))
         return {
             "one": (1.0, 0.0),
             "power": (float(self.scene.get("lamp.power_w")), 0.0),
@@ -146,6 +147,7 @@ class Setting:
             "seconds": (span_s, 0.0),
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
+            "heights": (max(high - low, _SHORTEST_RANGE_M), low),
             # What is found has to be possible beside the scene's own planes as well.
             "nearest": (min(near, self.scene.detector.distances_m[0]), 0.0),
             "spread": (self.spread_per_m, 0.0),

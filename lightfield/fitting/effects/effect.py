@@ -25,6 +25,7 @@ Scale = Literal[
     "inverse_hours",
     "seconds",
     "range",
+    "heights",
     "nearest",
     "spread",
     "attenuation",
@@ -69,9 +70,10 @@ class Free:
         What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
         "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
-        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "nearest"
-        (distance of that, or of the scene's own if it is nearer), "spread" (of the attenuation in the band,
-        1/m, as water may have it), "attenuation" (of the scene's water, 1/m).
+        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "heights" (0 = lowest, 1 = highest of lamp
+        and readings), "nearest" (distance of the nearest plane, or of the scene's own if it is nearer),
+        "spread" (of the attenuation in the band, 1/m, as water may have it), "attenuation" (of the scene's
+        water, 1/m).
     grid : tuple of float
         Start values of a shape parameter, one that means nothing while the amplitude is zero.
     inverse_square : bool

@@ -106,7 +106,14 @@ EFFECTS = (
     Effect(
         "stratification",
         "path and attenuation",
-        (Form("linear in y", (Free("water.height_gradient_per_m2", -0.2, 0.2, 0.005),)),),
+        (
+            Form("linear in y", (Free("water.height_gradient_per_m2", -0.2, 0.2, 0.005),)),
+            Form(
+                "bottom layer",
+                (Free("water.bottom_layer_absorption_per_m", -0.5, 1.0, 0.02),),
+                (Free("water.bottom_layer_top_m", 0.0, 1.0, 0.1, per="heights", grid=(0.2, 0.5, 0.8)),),
+            ),
+        ),
         "Turbid or warm water lies in layers: it is clearer above than below, or the other way round.",
         "Bright above and dark below the axis, or the reverse, as of a beam that curves: it grows with the "
         "cube of the distance where a tilted beam's shift grows with the distance itself. At one distance "

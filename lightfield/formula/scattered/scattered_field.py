@@ -110,8 +110,8 @@ class _Seen(NamedTuple):
         Straight line through the water, as the table takes it.
     nearer : array, shape (n,), m^-2
         Inverse square, and the receiver's turn from the beam.
-    path, height : arrays, shape (n,), m
-        Straight from the window, and its mean y.
+    path, from_y : arrays, shape (n,), m
+        Straight from the window, and where it begins.
     """
 
     most: float
@@ -120,7 +120,7 @@ class _Seen(NamedTuple):
     table_path: Array
     nearer: Array
     path: Array
-    height: Array
+    from_y: Array
 
 
 class _Tables:
@@ -259,7 +259,7 @@ class ScatteredField:
         if water.hardening_per_m:
             changes, shares = within_band(water.hardening_per_m)
             light *= np.exp(-np.multiply.outer(seen.path, changes)) @ shares
-        return np.asarray(light * np.exp(-layers_depth(water, self.z_m, seen.path, seen.height)))
+        return np.asarray(light * np.exp(-layers_depth(water, self.z_m, seen.path, self.y_m, seen.from_y)))
 
     def _seen_from(self, source: Point, axis: Direction | None, times: int) -> _Seen:
         """The places as a lamp sees them whose light comes from there; `axis` of a tilted one."""
@@ -281,8 +281,8 @@ class ScatteredField:
         table_path = far * np.sqrt(1 + tangent**2)
         by_angle = _spline(_angles(most, times))(tangent)
         path = beyond_window(length, self.z_m, -source[2])
-        height = self.y_m - 0.5 * dy * (path / length)
-        return _Seen(most, by_z, by_angle, table_path, turned / length**2, path, height)
+        from_y = self.y_m - dy * (path / length)
+        return _Seen(most, by_z, by_angle, table_path, turned / length**2, path, from_y)
 
 
 def _size(parts: Sequence[tuple[slice, _Paths]]) -> int:

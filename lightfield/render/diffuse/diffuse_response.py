@@ -249,7 +249,7 @@ class DiffuseResponse:
     def _through_layers(self, scene: Scene, part: float = 1.0) -> Array:
         """What layers let through on the straight lines to the cells, or a part of them, shape (n_cells,)."""
         y, z = self.shift.cell_y_m, self.shift.cell_z_m
-        return np.exp(-layers_depth(scene.water, part * z, part * self.straight_m, 0.5 * part * y))
+        return np.exp(-layers_depth(scene.water, part * z, part * self.straight_m, part * y))
 
     def _changed_by_layers(self, scene: Scene) -> Array:
         """The largest part of the light that they take, or spare, up to anywhere on these lines, (n_cells,).
@@ -284,7 +284,7 @@ class DiffuseResponse:
             return 0.0
         (_, _), (floor, top), (_, end) = tank.box_m
         far = min(end, float(self.shift.cell_z_m.max()) + 2 * max(tank.width_m, tank.depth_m))
-        return mean_to_per_m(scene.water, far, 0.5 * (floor + top))
+        return mean_to_per_m(scene.water, far, (floor, top))
 
 
 def _from_behind(

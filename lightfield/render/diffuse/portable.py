@@ -148,7 +148,7 @@ def portable(response: DiffuseResponse, scene: Scene, most_per_m: float, most_al
     light = lights[-1][0]
     reference = light.reference
     shift = response.shift
-    depth = layers_depth(scene.water, shift.cell_z_m, response.straight_m, 0.5 * shift.cell_y_m)
+    depth = layers_depth(scene.water, shift.cell_z_m, response.straight_m, shift.cell_y_m)
     return Portable(
         reference.absorption_per_m,
         reference.scattering_per_m,

@@ -20,7 +20,13 @@ def symmetric(scene: Scene) -> tuple[bool, bool]:
     lamp, tank, tilted = scene.lamp, scene.tank, scene.detector.tilt_x_deg != 0
     beam_x, beam_y = is_mirrored(lamp)
     x = beam_x and lamp.offset_x_m == 0 and lamp.tilt_x_deg == 0 and not tilted
-    y = beam_y and lamp.offset_y_m == 0 and lamp.tilt_y_deg == 0 and scene.water.height_gradient_per_m2 == 0
+    water, height = scene.water, ("height_gradient_per_m2", "bottom_layer_absorption_per_m")
+    y = (
+        beam_y
+        and lamp.offset_y_m == 0
+        and lamp.tilt_y_deg == 0
+        and not any(getattr(water, k) for k in height)
+    )
     if tank is not None:
         # A lid reflects as walls do; a water surface does not, nor a floor of another albedo, or of glass.
         y = y and tank.surface_reflectance == 0 and (tank.floor_share == 1 or tank.wall_albedo == 0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from lightfield.scene import Water
 from lightfield.scene.curve import Nodes, value_at
-from lightfield.scene.water.layers import is_layered, slab_m
+from lightfield.scene.water.layers import bottom_m, is_layered, slab_m
 
 _CURVE_NODES = 1024  # of an absorption that is a curve of z
 _LEAST_STEP_M = 1e-2  # flights that are more level than this see one absorption
@@ -28,7 +28,7 @@ class ReferenceWater:
     ----------
     absorption_per_m, scattering_per_m : float, m^-1
     layers : Water of a scene
-        Its gradients, slab and curve are added to the absorption.
+        Its gradients, layers and curve are added to the absorption.
     """
 
     absorption_per_m: float
@@ -78,6 +78,27 @@ class AbsorptionCurve:
         )
 
 
+class BottomLayer:
+    """Absorption below a height, which sets in evenly, see `part_in_bottom_layer`."""
+
+    def __init__(self, layers: Water) -> None:
+        self.absorption, self.low, self.high = (
+            dr.opaque(mi.Float, value) for value in (layers.bottom_layer_absorption_per_m, *bottom_m(layers))
+        )
+
+    def mean(self, y0: mi.Float, y1: mi.Float) -> mi.Float:
+        """Mean absorption between two heights; of a level flight that in its middle."""
+        climb = dr.abs(y1 - y0)
+        climbs, blend = climb > _LEAST_STEP_M, self.high - self.low
+        part = dr.abs(self._below(y1) - self._below(y0)) / dr.select(climbs, climb, 1)
+        middle = (self.high - dr.clip(0.5 * (y0 + y1), self.low, self.high)) / blend
+        return self.absorption * dr.select(climbs, part, middle)
+
+    def _below(self, y: mi.Float) -> mi.Float:
+        inside = self.high - dr.clip(y, self.low, self.high)
+        return 0.5 * inside * inside / (self.high - self.low) + self.low - dr.minimum(y, self.low)
+
+
 class Absorption:
     """The reference water's absorption, held in variables so that a new water needs no new kernel."""
 
@@ -95,6 +116,7 @@ class Absorption:
                 *slab_m(layers),
             )
         )
+        self.bottom = BottomLayer(layers) if layers.bottom_layer_absorption_per_m else None
         self.curve = AbsorptionCurve(layers.absorption_departure) if layers.absorption_departure else None
 
     def depth(self, start: mi.Point3f, direction: mi.Vector3f, t: mi.Float) -> mi.Float:
@@ -117,6 +139,8 @@ class Absorption:
         depth = (self.uniform + graded) * t + self.layer * in_layer
         if self.curve is not None:
             depth = depth + t * self.curve.mean(z0, z1)
+        if self.bottom is not None:
+            depth = depth + t * self.bottom.mean(start.y, start.y + direction.y * t)
         (first, last), aside = BEYOND_M
         highest = dr.maximum(dr.abs(start.y), dr.abs(start.y + direction.y * t))
         far = (low < first) | (high > last) | (highest > aside)

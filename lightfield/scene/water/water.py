@@ -94,6 +94,18 @@ class Water(Part):
         0.0, "1/m^2", "absorption grows by this per metre of y, from nothing at the lamp's height",
         Acts.LAYERS, low=-1.0, high=1.0, neutral=0.0,
     )  # fmt: skip
+    bottom_layer_absorption_per_m: float = number(
+        0.0, "1/m", "extra absorption below a height, less where negative",
+        Acts.LAYERS, low=-1.0, high=100.0, neutral=0.0, later=True,
+    )  # fmt: skip
+    bottom_layer_top_m: float = number(
+        -0.3, "m", "y of the middle of what parts that layer from the water above",
+        Acts.LAYERS, low=-1000.0, high=1000.0, later=True,
+    )  # fmt: skip
+    bottom_layer_blend_m: float = number(
+        0.1, "m", "height over which that layer sets in, evenly",
+        Acts.LAYERS, above=0.0, high=1000.0, later=True,
+    )  # fmt: skip
     layer_absorption_per_m: float = number(
         0.0, "1/m", "extra absorption of a slab across the tank",
         Acts.LAYERS, low=0.0, high=100.0, neutral=0.0,

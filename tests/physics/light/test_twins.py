@@ -166,6 +166,8 @@ WATERS = {
     "slab": Water(layer_absorption_per_m=0.5, layer_centre_m=3.0, layer_width_m=1.5),
     "slab round the window": Water(layer_absorption_per_m=0.5, layer_centre_m=0.2, layer_width_m=1.0),
     "height": Water(height_gradient_per_m2=0.05),
+    "bottom": Water(bottom_layer_absorption_per_m=0.3, bottom_layer_top_m=-0.2),
+    "top": Water(bottom_layer_absorption_per_m=-0.2, bottom_layer_top_m=0.4, bottom_layer_blend_m=0.5),
     "curve": Water(absorption_departure=((1.0, 0.02), (2.0, -0.01), (4.5, 0.03))),
     "curve of one node, and a slab": Water(absorption_departure=((3.0, 0.02),), layer_absorption_per_m=0.1),
     "both": Water(
@@ -193,6 +195,8 @@ def test_depth_of_layers(name: str) -> None:
     slab = np.abs(z - water.layer_centre_m) < 0.5 * water.layer_width_m
     extra = water.gradient_per_m2 * (z - water.gradient_centre_m) + water.layer_absorption_per_m * slab
     extra += water.height_gradient_per_m2 * y
+    way = (water.bottom_layer_top_m - y) / water.bottom_layer_blend_m
+    extra += water.bottom_layer_absorption_per_m * np.clip(way + 0.5, 0, 1)
     if water.absorption_departure:
         extra = extra + np.interp(z, *np.transpose(water.absorption_departure))
     (first, last), aside = BEYOND_M
@@ -203,8 +207,8 @@ def test_depth_of_layers(name: str) -> None:
     assert 0 < far.sum() < 120
     np.testing.assert_allclose(traced, np.where(far, np.maximum(told, 0), told), atol=2e-4)
     ends = (cosine * length)[:150]
-    height = (begin + 0.5 * climb * length)[:150]
-    np.testing.assert_allclose(layers_depth(water, ends, length[:150], height), traced[:150], atol=SINGLE)
+    told = layers_depth(water, ends, length[:150], ends_y[:150], begin[:150])
+    np.testing.assert_allclose(told, traced[:150], atol=SINGLE)
 
 
 def test_tank_and_its_surface() -> None:

@@ -121,6 +121,7 @@ CASES: dict[str, dict[str, Any]] = {
     "source in front of the window": {"lamp.apparent_distance_m": -0.1},
     "aside": {"lamp.offset_x_m": 0.03},
     "gradient": {"water.gradient_per_m2": 0.005},
+    "bottom layer": {"water.bottom_layer_absorption_per_m": 0.1, "water.bottom_layer_top_m": -0.2},
     "layer": {"water.layer_absorption_per_m": 0.2},
 }
 

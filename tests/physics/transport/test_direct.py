@@ -88,6 +88,10 @@ CASES: dict[str, dict[str, Any]] = {
         "water": {"absorption_per_m": 0.2, "height_gradient_per_m2": 0.05},
         "lamp": {"offset_y_m": 0.1, "apparent_distance_m": 0.8},
     },
+    "bottom layer": {
+        "water": {"absorption_per_m": 0.2, "bottom_layer_absorption_per_m": 0.4, "bottom_layer_top_m": -0.1},
+        "lamp": {"offset_y_m": 0.1, "apparent_distance_m": 0.8},
+    },
     "layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 6.5, "layer_width_m": 1.0}},
     "plane inside a layer": {"water": {"layer_absorption_per_m": 0.5, "layer_centre_m": 4.5}},
     "departing profile": {"lamp": {"profile_departure": [[0, 0.1], [4, 0.4], [8, -0.5]], "tilt_x_deg": 1.0}},

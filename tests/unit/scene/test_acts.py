@@ -90,7 +90,7 @@ def _air(scene: Scene) -> Any:
 def _along(scene: Scene, metres: float, z_m: float) -> float:
     """Optical depth of so long a way in the water to a receiver at z."""
     one = np.ones(1)
-    ray = Ray(0 * one, 0 * one, one, one, metres * one, 0.3 * one)
+    ray = Ray(0 * one, 0 * one, one, one, metres * one, -0.29 * one)
     return float(optical_depth(scene.water, ray, z_m * one, 520.0)[0])
 
 
