@@ -80,6 +80,7 @@ def drawn_readings(readings: Readings, sigma: Array, keep: Array) -> DrawnReadin
         sigma,
         [str(m) for m in readings.medium],
         keep == 0,
+        readings.time_s,
     )
 
 

@@ -46,6 +46,7 @@ from lightfield.report.diagnosis.figures import (
     signature_figure,
 )
 from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
+from lightfield.report.diagnosis.rest import rest_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map
 from lightfield.report.diagnosis.view import DiagnosisView
 from lightfield.report.page import PageFigure, fill, page_figure, three_digits
@@ -172,6 +173,13 @@ def _figures(view: DiagnosisView, spots: Sequence[PlaceToRead]) -> dict[str, Pag
             "Where the rest lies that nothing explains. Lines: factors on the light that would make it good, "
             "with two standard errors. Dots: readings over the model without them. No explanations.",
             "Local unknowns along their coordinates", left_figure, verdict.left_over,
+        )  # fmt: skip
+    elif verdict.verdict == Kind.UNEXPLAINED:
+        draw(
+            "left",
+            "What nothing explains, along each coordinate. Where the line stays within its band of nothing, "
+            "the rest is no function of that coordinate.",
+            "What is left along the coordinates", rest_figure, view,
         )  # fmt: skip
     if view.signatures:
         draw(

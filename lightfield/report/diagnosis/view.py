@@ -85,6 +85,8 @@ class DrawnReadings:
     medium : sequence of str, length n
     left_out : array of bool, shape (n,)
         Saturated readings and outliers.
+    time_s : array, shape (n,)
+        NaN where it is unknown.
     """
 
     x_m: Array
@@ -95,6 +97,7 @@ class DrawnReadings:
     sigma: Array
     medium: Sequence[str]
     left_out: Mask
+    time_s: Array
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,9 @@ def example(kind="ambiguous", planes=(4.5, 5.5, 6.5, 7.5, 8.5), count=21, two_si
     value = base + glow + sigma * rng.standard_normal(z.size)
     out = np.zeros(z.size, bool)
     out[2] = True
-    readings = DrawnReadings(x, 0 * x, z, 0 * x + 525, value, sigma, ["water"] * z.size, out)
+    readings = DrawnReadings(
+        x, 0 * x, z, 0 * x + 525, value, sigma, ["water"] * z.size, out, 20.0 * np.arange(z.size)
+    )
     estimate = {"value": 0.0312, "stderr": 0.0007, "unit": "1/m", "reason": None}
     explanation: dict[str, object] = {
         "effects": ["scattering"],
@@ -198,7 +200,7 @@ def test_groups_name_only_what_differs():
     readings = view.readings
     mixed = DrawnReadings(
         readings.x_m, readings.y_m, readings.z_m, readings.wavelength_nm, readings.value, readings.sigma,
-        ["air", "water", "water"] * 2, readings.left_out,
+        ["air", "water", "water"] * 2, readings.left_out, readings.time_s,
     )  # fmt: skip
     both = DiagnosisView(mixed, view.predictions, view.verdict)
     assert next(g.label for g in both.groups()) == "z = 4.5 m, air"
