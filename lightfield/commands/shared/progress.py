@@ -82,6 +82,8 @@ def progress_of(name: str) -> Iterator[None]:
 def stage_line(first: str) -> Iterator[Callable[[str], None]]:
     """The stage of work whose end nobody knows, and the time, on a terminal; else a line now and then.
 
+    What traces light within a stage is heard too.
+
     Yields
     ------
     callable
@@ -89,10 +91,29 @@ def stage_line(first: str) -> Iterator[Callable[[str], None]]:
     """
     output = console(stderr=True)
     if not output.is_terminal:
-        with status_lines(first) as note:
-            yield lambda stage: note(stage, 0.0)
+        with status_lines(first) as note, _stages(lambda words: note(words, 0.0)) as begin:
+            yield begin
         return
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Bar(*columns, console=output, transient=True) as line:
         task = line.add_task(first)
-        yield lambda stage: line.update(task, description=stage)
+        with _stages(lambda words: line.update(task, description=words or first)) as begin:
+            yield begin
+
+
+@contextmanager
+def _stages(show: Callable[[str], None]) -> Iterator[Callable[[str], None]]:
+    """What takes the name of a stage, and shows it with what is told within."""
+    stage = ""
+
+    def begin(name: str) -> None:
+        nonlocal stage
+        stage = name
+        show(name)
+
+    def hear(words: str, part: float) -> None:
+        going_on = f"{words}, {100 * part:.0f} %" if words and part < 1 else ""
+        show("; ".join(filter(None, (stage, going_on))))
+
+    with heard_by(hear):
+        yield begin
