@@ -28,6 +28,7 @@ from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.ladder import Step, bright, climb, percent, rms_over
 from lightfield.diagnosis.verdict.parts import Doubt, DoubtReason, Kind
 from lightfield.diagnosis.verdict.rest.left_over import ranked
+from lightfield.diagnosis.verdict.speech import exactly
 from lightfield.diagnosis.verdict.terminal import as_text
 from lightfield.diagnosis.verdict.trust import noise_floor, standard_errors
 from lightfield.diagnosis.verdict.verdict import Verdict
@@ -208,8 +209,9 @@ class Diagnosis:
     ) -> Diagnosis:
         """Write verdict.json and one scene per rung, and add the run to the folder's ledger.
 
-        Curves of the last rung are written with their errors, a beam profile as a lamp table too, for other
-        scenes with this lamp; and where nothing explains the readings, effects of one's own to begin with.
+        What was fitted has its error in a comment beside it. Curves of the last rung are written with theirs,
+        a beam profile as a lamp table too, for other scenes with this lamp; and where nothing explains the
+        readings, effects of one's own to begin with.
 
         Parameters
         ----------
@@ -231,7 +233,8 @@ class Diagnosis:
         verdict = self.verdict.model_copy(update={"run": number})
         for k, (rung, step) in enumerate(zip(verdict.ladder, self.steps, strict=True)):
             name = f"rung{k}.toml"
-            self.forward.scenes.at(step.fit.values).save(target / name)
+            notes = {path: f"fitted: {exactly(one)}" for path, one in rung.parameters.items()}
+            self.forward.scenes.at(step.fit.values).save(target / name, notes)
             before.discard(name)
             rows.append(
                 rung.model_dump(include={"label", "effects", "error_percent", "chi2_per_dof"})

@@ -206,13 +206,15 @@ class Scene(Part):
         """The scene as TOML; `from_toml` gives the same scene back."""
         return tomli_w.dumps(self.to_dict())
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str], notes: Mapping[str, str] | None = None) -> None:
         """Write the scene; tables inside the file's folder are named relative to it.
 
         Parameters
         ----------
         path : path-like
             Target, usually `*.toml`.
+        notes : mapping, optional
+            Comments by the dotted path of a number, beside which they are written.
 
         Raises
         ------
@@ -226,7 +228,7 @@ class Scene(Part):
             return full.relative_to(folder).as_posix() if full.is_relative_to(folder) else table
 
         change_tables(self, data, named)
-        write_text(path, tomli_w.dumps(data))
+        write_text(path, toml.with_notes(tomli_w.dumps(data), notes or {}))
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:

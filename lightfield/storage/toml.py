@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import re
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 if sys.version_info >= (3, 11):
@@ -116,3 +117,14 @@ def _problem_of(token: re.Match[str], text: str) -> str | None:
 
 def _beyond(what: str, text: str, token: re.Match[str]) -> ValueError:
     return ValueError(f"{what} (at line {text.count(chr(10), 0, token.start()) + 1})")
+
+
+def with_notes(text: str, notes: Mapping[str, str]) -> str:
+    """A TOML text with comments beside keys, by their dotted names; each stands on a line of its own."""
+    lines, table = [], ""
+    for line in text.splitlines():
+        if line.startswith("["):
+            table = line.strip("[]")
+        note = notes.get(f"{table}.{line.partition(' = ')[0]}")
+        lines.append(f"{line}  # {note}" if note else line)
+    return "\n".join(lines) + "\n"

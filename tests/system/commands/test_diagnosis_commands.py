@@ -117,6 +117,12 @@ def test_every_stored_rung_gives_its_error_again(folder: Path, capsys) -> None:
     for k, rung in enumerate(ladder):
         again = _fit(folder, capsys, "--scene", f"{folder}/found/rung{k}.toml")
         assert again["error_percent"] == pytest.approx(rung["error_percent"], rel=5e-3)
+        # What was fitted stands there with its error.
+        noted = re.findall(r"= (\S+)  # fitted: .* ± (\S+)", (folder / f"found/rung{k}.toml").read_text())
+        of_scene = [v for path, v in rung["parameters"].items() if path != "gain" and v["stderr"]]
+        known = [(v["value"], v["stderr"]) for v in of_scene]
+        assert sorted(float(value) for value, _ in noted) == pytest.approx(sorted(v for v, _ in known))
+        assert sorted(float(e) for _, e in noted) == pytest.approx(sorted(e for _, e in known), rel=0.06)
 
 
 def test_climbing_by_hand_appends_to_the_ledger(folder: Path, capsys, monkeypatch) -> None:

@@ -95,3 +95,13 @@ def test_one_value() -> None:
     assert toml.value(" 0.5 ") == 0.5 and toml.value("flat") == "flat" and toml.value('"flat"') == "flat"
     with pytest.raises(ValueError, match="5000 characters"):
         toml.value("9" * 5000)
+
+
+def test_notes_stand_beside_their_keys() -> None:
+    text = 'name = "a"\n\n[lamp]\nhwhm_deg = 4.0\n\n[water]\nhwhm_deg = 4.0\n\n[water.phase]\ng = 0.9\n'
+    noted = toml.with_notes(
+        text, {"lamp.hwhm_deg": "± 0.1", "water.phase.g": "(at boundary)", "lamp.no": "x"}
+    )
+    assert noted.splitlines()[3] == "hwhm_deg = 4.0  # ± 0.1" and noted.splitlines()[6] == "hwhm_deg = 4.0"
+    assert noted.splitlines()[-1] == "g = 0.9  # (at boundary)"
+    assert toml.loads(noted) == toml.loads(text) and toml.with_notes(text, {}) == text
