@@ -24,6 +24,8 @@ if _WORKERS > 1:
 if "PYTEST_XDIST_WORKER" not in os.environ:
     _CACHE = tempfile.TemporaryDirectory(prefix="lightfield-tests-")
     os.environ["LIGHTFIELD_CACHE"] = _CACHE.name
+    # Said here too, for tests that import Mitsuba before this package: else kernels go to ~/.drjit.
+    os.environ["DRJIT_CACHE_DIR"] = str(Path(_CACHE.name) / "kernels")
 # Where a machine says no to compiled modules, every command that is started here would compile all of them.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
