@@ -45,7 +45,7 @@ def pytest_collection_finish() -> None:
     Nor what is new, after every 700 objects: modules that tests bring late stay as well.
     """
     gc.freeze()
-    gc.set_threshold(10_000, 10, 10)
+    gc.set_threshold(50_000, 10, 10)
     gc.enable()
 
 
