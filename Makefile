@@ -29,8 +29,9 @@ lint: $(STAMP)
 	$(BIN)/python -m ruff format --check .
 	$(BIN)/lint-imports --no-cache --no-logo
 
+# On all cores.
 types: $(STAMP)
-	$(BIN)/python -m mypy
+	$(BIN)/python -m mypy --num-workers auto
 
 format: $(STAMP)
 	$(BIN)/python -m ruff check --fix .

@@ -24,6 +24,8 @@ if _WORKERS > 1:
 if "PYTEST_XDIST_WORKER" not in os.environ:
     _CACHE = tempfile.TemporaryDirectory(prefix="lightfield-tests-")
     os.environ["LIGHTFIELD_CACHE"] = _CACHE.name
+    # Said here too, for tests that import Mitsuba before this package: else kernels go to ~/.drjit.
+    os.environ["DRJIT_CACHE_DIR"] = str(Path(_CACHE.name) / "kernels")
 # Where a machine says no to compiled modules, every command that is started here would compile all of them.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
@@ -43,7 +45,7 @@ def pytest_collection_finish() -> None:
     Nor what is new, after every 700 objects: modules that tests bring late stay as well.
     """
     gc.freeze()
-    gc.set_threshold(10_000, 10, 10)
+    gc.set_threshold(50_000, 10, 10)
     gc.enable()
 
 

@@ -17,7 +17,6 @@ from lightfield.readings import Readings
 from lightfield.scene import Scene
 from lightfield.scene.acts import Acts
 from lightfield.scene.all_parameters import paths_on
-from lightfield.scene.listed import OWN
 from lightfield.scene.own.own_effect import OwnEffect, Places, Stage
 
 #: Parameters that act on the reading after the light has arrived; everything else makes the light field anew.
@@ -59,7 +58,7 @@ class Reader:
 
     def power(self, values: Mapping[str, float]) -> Array:
         """Lamp power over its value at time zero, shape (n,)."""
-        return self._power(chosen(values, _TIME))
+        return self._power(chosen(values, _TIME, own=False))
 
     def shown(self, values: Mapping[str, float]) -> Array | float:
         """Factors of the readout on all light: of the plane, and of readings in water."""
@@ -68,7 +67,7 @@ class Reader:
         return gain * immersed(scene, self._taken.in_air)
 
     def _scene(self, values: Mapping[str, float]) -> Scene:
-        return self.scenes.of_those(values, _READOUT)
+        return self.scenes.of_chosen(chosen(values, _READOUT, own=False))
 
     def _own(self, values: Mapping[str, float]) -> Array | float:
         """What the user's own effects at source and receiver make of all light, shape (n,)."""
@@ -77,19 +76,26 @@ class Reader:
 
     def _acting(self, values: Mapping[str, float], *stages: Stage) -> list[OwnEffect]:
         """The user's own effects at some stages."""
-        if not self.scenes.scene.effect:
-            return []
-        return own_formulas.acting(self.scenes.of_those(values, frozenset()), *stages)
+        return self._of_stages(chosen(values, frozenset()), stages) if self.scenes.scene.effect else []
 
     def _here(self, values: Mapping[str, float]) -> Places:
         """What formulas may speak of."""
-        return self._places(tuple([one for one in chosen(values, _POSE) if not one[0].startswith(OWN)]))
+        return self._places(chosen(values, _POSE, own=False))
 
     @cached_property
     def _places(self) -> Callable[[Chosen], Places]:
         r = self.readings
         where = r.x_m, r.y_m, r.z_m, r.wavelength_nm, r.time_s
         return lru_cache(REMEMBERED)(lambda those: own_formulas.places(self.scenes.of_chosen(those), *where))
+
+    @cached_property
+    def _of_stages(self) -> Callable[[Chosen, tuple[Stage, ...]], list[OwnEffect]]:
+        """Which act at some stages, for these values of their parameters."""
+
+        def acting(those: Chosen, stages: tuple[Stage, ...]) -> list[OwnEffect]:
+            return own_formulas.acting(self.scenes.effects(those), *stages)
+
+        return lru_cache(REMEMBERED)(acting)
 
     @cached_property
     def _power(self) -> Callable[[Chosen], Array]:

@@ -53,16 +53,12 @@ class SceneOfValues:
         if not own:
             return out
         rest = {path: value for path, value in out.items() if not path.startswith(OWN)}
-        return {**rest, OWN_FIELD: self._effects(own)}
+        return {**rest, OWN_FIELD: self.effects(own)}
 
     @cached_property
-    def _effects(self) -> Callable[[Chosen], tuple[OwnEffect, ...]]:
+    def effects(self) -> Callable[[Chosen], tuple[OwnEffect, ...]]:
         """The scene's own effects with values of their parameters: several parts of a prediction ask."""
         return lru_cache(REMEMBERED)(lambda own: self.scene.with_values(dict(own), validate=False).effect)
-
-    def of_those(self, values: Mapping[str, float], paths: frozenset[str]) -> Scene:
-        """The scene with those of the values that lie at some paths, see `chosen`."""
-        return self.of_chosen(chosen(values, paths))
 
     def of_chosen(self, those: Chosen) -> Scene:
         """The scene with these values; those of late are remembered."""
@@ -73,11 +69,17 @@ class SceneOfValues:
         return lru_cache(REMEMBERED)(lambda those: self.with_values(dict(those)) if those else self.scene)
 
 
-def chosen(values: Mapping[str, float], paths: frozenset[str]) -> Chosen:
-    """Those of the values that lie at some paths, or in effects of the user's own, in one order."""
-    return tuple([(path, values[path]) for path in _those(tuple(values), paths)])
+def chosen(values: Mapping[str, float], paths: frozenset[str], own: bool = True) -> Chosen:
+    """Those of the values that lie at some paths, or in effects of the user's own, in one order.
+
+    Parameters
+    ----------
+    own : bool
+        Count effects of the user's own as well; who does not ask them need not follow them.
+    """
+    return tuple([(path, values[path]) for path in _those(tuple(values), paths, own)])
 
 
 @lru_cache(_GROUPS)
-def _those(given: tuple[str, ...], paths: frozenset[str]) -> tuple[str, ...]:
-    return tuple(sorted(path for path in given if field_of(path) in paths or path.startswith(OWN)))
+def _those(given: tuple[str, ...], paths: frozenset[str], own: bool) -> tuple[str, ...]:
+    return tuple(sorted(path for path in given if field_of(path) in paths or (own and path.startswith(OWN))))

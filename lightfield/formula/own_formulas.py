@@ -69,9 +69,9 @@ def _known(value: ArrayLike | None, otherwise: float, shape: tuple[int, ...]) ->
     return np.broadcast_to(np.where(np.isnan(given), otherwise, given), shape)
 
 
-def acting(scene: Scene, *stages: Stage) -> list[OwnEffect]:
-    """Own effects that act at some stages; those on the beam's shape do not count, see `lit`."""
-    return [e for e in scene.effect if e.stage in stages and not (e.is_of_angle or e.is_off)]
+def acting(effects: Sequence[OwnEffect], *stages: Stage) -> list[OwnEffect]:
+    """Those that act at some stages; those on the beam's shape do not count, see `lit`."""
+    return [e for e in effects if e.stage in stages and not (e.is_of_angle or e.is_off)]
 
 
 def product(effects: Sequence[OwnEffect], here: Places) -> Array:
@@ -82,7 +82,7 @@ def product(effects: Sequence[OwnEffect], here: Places) -> Array:
 
 def factor(scene: Scene, stages: tuple[Stage, ...], *where: Any) -> Array | float:
     """Product of what own effects at some stages make of light; `where` as `places` takes it."""
-    effects = acting(scene, *stages)
+    effects = acting(scene.effect, *stages)
     return product(effects, places(scene, *where)) if effects else 1.0
 
 
@@ -103,7 +103,7 @@ def has_colours_of_its_own(scene: Scene) -> bool:
 
 def shown(scene: Scene, reading: Array, full: float, *where: Any) -> Array:
     """Readings after own effects of the readout, see `read_through`; `where` as `places` takes it."""
-    effects = acting(scene, "readout")
+    effects = acting(scene.effect, "readout")
     return read_through(effects, reading, full, places(scene, *where)) if effects else reading
 
 

@@ -113,7 +113,12 @@ def undrawn(monkeypatch, words_alone):
     words_alone(monkeypatch)
 
 
-@pytest.fixture
-def few_replicates(monkeypatch):
-    """Tests of a diagnosis draw fewer readings: they take most of its time."""
-    monkeypatch.setattr("lightfield.diagnosis.search.preparation.REPLICATES", 199)
+@pytest.fixture(scope="session", autouse=True)
+def few_replicates():
+    """A diagnosis draws fewer readings here, on whose number no answer hangs (`search/test_cascade.py`).
+
+    They take a tenth of its time. Tests of the physics and of the whole program draw all of them.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("lightfield.diagnosis.search.preparation.REPLICATES", 199)
+        yield

@@ -116,9 +116,9 @@ class Expression:
         values : mapping
             At least the `names`.
         """
-        known = {name: np.asarray(value, float) for name, value in {**CONSTANTS, **values}.items()}
+        known: dict[str, Any] = {name: np.asarray(values[name], float) for name in self.names}
         with np.errstate(all="ignore"):
-            return np.asarray(self._computed(known), float)
+            return np.asarray(self._computed(CONSTANTS | known), float)
 
 
 def _refused(found: str) -> RuleError:

@@ -14,6 +14,7 @@ from perturbed import changed
 
 from lightfield.fitting.forward import SceneForward
 from lightfield.formula.closed_form import predict
+from lightfield.formula.readout import time_factor
 from lightfield.readings import Readings
 from lightfield.scene import Scene
 
@@ -239,3 +240,20 @@ def test_one_model_follows_effects_of_the_user_at_every_stage() -> None:
         before, found = forward.predict({**values, path: 0.0}), forward.predict(values)
         assert found == pytest.approx(predict(scene.with_values(values), there, full=1.0), rel=1e-12)
         assert path == "effect.path.x0" or np.abs(found / before - 1).max() > 1e-4
+
+
+def test_an_effect_of_the_user_makes_no_other_lamp_power(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the lamp does in time is worked out once, whatever values their parameters take."""
+    effect = {
+        "name": "rope", "stage": "path", "formula": "1 - a*exp(-x**2)",
+        "parameters": {"a": {"range": [-0.5, 0.5], "neutral": 0.0}},
+    }  # fmt: skip
+    forward, asked = SceneForward(Scene.from_dict({"effect": [effect]}), table()), list[Scene]()
+
+    def counted(scene: Scene, time_s: Any) -> np.ndarray:
+        asked.append(scene)
+        return time_factor(scene, time_s)
+
+    monkeypatch.setattr("lightfield.fitting.reader.time_factor", counted)
+    dim, bright = (forward.predict({"effect.rope.a": a, "lamp.drift_per_hour": 0.1}) for a in (0.3, -0.3))
+    assert (dim < bright).all() and len(asked) == 1

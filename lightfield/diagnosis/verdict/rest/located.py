@@ -3,6 +3,8 @@ readings, so chi-square is asked on both sides."""
 
 from __future__ import annotations
 
+from functools import cache
+
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.profile_likelihood import ONE_SIGMA, TWO_SIGMA
 from lightfield.diagnosis.verdict.parts import Estimate, Reason
@@ -37,6 +39,7 @@ def located(
     i = fit.paths.index(path)
     parameter = fit.model.parameters[i]
 
+    @cache  # where one and two errors end is sought along the same way
     def worse(u: float) -> float:
         held = (*fit.model.parameters[:i], parameter.held(u), *fit.model.parameters[i + 1 :])
         there = Model(fit.model.forward, held)

@@ -23,8 +23,6 @@ from lightfield.diagnosis.search.pool.evidence import GAP
 from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 
-pytestmark = pytest.mark.usefixtures("few_replicates")
-
 
 def found(made: Toy, problem, tolerance: float = 0.0, alpha: float = 0.01, seed: int = 0) -> SearchResult:
     prepared = made.prepared(problem, tolerance)

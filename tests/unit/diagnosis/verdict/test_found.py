@@ -15,7 +15,6 @@ from lightfield.diagnosis import diagnose as diagnosing
 from lightfield.diagnosis import knowledge
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
-from lightfield.diagnosis.search import preparation
 from lightfield.diagnosis.search.pool.equivalences import TABLE
 from lightfield.diagnosis.verdict.parts import Estimate, FoundEffect, Misfit, Reason, StatedEffect
 from lightfield.diagnosis.verdict.speech import Said
@@ -32,10 +31,8 @@ NAMES = {"beam_offset", "lamp_drift", "background"}
 
 @pytest.fixture(scope="module")
 def three() -> Diagnosis:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(preparation, "REPLICATES", 199)
-        table, believed = readings(HIDDEN, seed=2)
-        return diagnose(table, believed, diffuse=None)
+    table, believed = readings(HIDDEN, seed=2)
+    return diagnose(table, believed, diffuse=None)
 
 
 def test_three_effects_are_identified(three: Diagnosis) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ def rope(least: float) -> dict:
     }
 
 
+@cache
 def fitted(depth: float, place_m: float, least: float, *names: str) -> FitReport:
     table, believed = readings(
         seed=7, layout="fine", factor=lambda t: 1 - depth * np.exp(-(((t.x_m - place_m) / 0.15) ** 2))

@@ -29,8 +29,6 @@ from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.fitting.effects import Effect, Form, Free
 from lightfield.fitting.least_squares import Fit
 
-pytestmark = pytest.mark.usefixtures("few_replicates")
-
 
 def regression(found: Many, names: Iterable[str]) -> tuple[np.ndarray, float]:
     """Sizes and chi-square of base and effects on what the search kept, as it was whitened."""

@@ -19,8 +19,6 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.diagnosis.verdict.best_set.so_far import SoFar
 from lightfield.fitting.least_squares import Fit
 
-pytestmark = pytest.mark.usefixtures("few_replicates")
-
 
 @pytest.mark.parametrize("errors", [0.4, 2.5])
 def test_the_scale_of_the_noise_is_that_of_the_errors_sets_are_judged_under(errors: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,6 +107,21 @@ def test_two_errors_hold_when_a_step_was() -> None:
     assert max(wider) > 3
     assert np.mean(np.array(pulls) < 1) > 0.6
     assert np.mean(np.array(pulls) < 2) > 0.93
+
+
+def test_no_place_is_asked_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where one and where two errors end is sought along the same way, a fit a place."""
+    asked = list[float]()
+
+    def counted(model: Model, *given: Any) -> Fit:
+        asked.append(model.parameters[2].low)
+        return least_squares(model, *given)
+
+    value = Step().predict({"gain": 1.0, "size": -0.2, "time0": 44.0})
+    fit = fitted(value, size=-0.2, time0=47.0)
+    monkeypatch.setattr("lightfield.diagnosis.verdict.rest.located.least_squares", counted)
+    of_time(value, fit)
+    assert len(asked) == len(set(asked)) > 20
 
 
 def test_what_lies_at_a_bound_stays_there() -> None:
