@@ -143,8 +143,13 @@ def steps(view: ReadingsView) -> list[tuple[int, str]]:
 
 
 def few(panels: list[Group], most: int) -> list[Group]:
-    """First, last and evenly chosen panels between."""
-    return [panels[i] for i in evenly(len(panels), most)]
+    """First, last and evenly chosen panels between: of scans, before single places and short ones."""
+    size = np.array([len(panel.rows) for panel in panels])
+    long = 2 * size >= size.max()
+    first, rest = np.flatnonzero(long), np.flatnonzero(~long)
+    first = first[evenly(len(first), most)]
+    rest = rest[evenly(len(rest), most - len(first))]
+    return [panels[i] for i in sorted([*first, *rest])]
 
 
 def misfit_dots(
@@ -313,17 +318,8 @@ def _panels(view: ReadingsView) -> list[Group]:
     if view.scan_axis == "z_m":
         return [Group("along the axis", np.concatenate([group.rows for group in groups]))]
     if view.is_grid:
-        groups = [_middle_line(view, group) for group in groups]
+        groups = [view.middle_line(group, view.scan_axis) for group in groups]
     return few(groups, _MOST_PANELS)
-
-
-def _middle_line(view: ReadingsView, group: Group) -> Group:
-    """Of a grid, the line next to the axis: lines drawn through a grid would jump from row to row."""
-    name = "x_m" if view.scan_axis == "y_m" else "y_m"
-    other = getattr(view.readings, name)[group.rows]
-    nearest = other[np.abs(other).argmin()]
-    rows = group.rows[np.abs(other - nearest) < 1e-6]
-    return Group(f"{group.label}, {name[0]} = {nearest + 0.0:g} m", rows)
 
 
 def _sorted(view: ReadingsView, group: Group) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
