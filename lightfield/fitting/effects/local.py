@@ -137,7 +137,8 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                     "width": _between("m", _NARROWEST_M, _WIDEST_PART * span, "its half width at 1/e"),
                 },
                 physics="Something rises at one distance and dims what passes through it: the rays beyond.",
-                laboratory="Look down into the tank at that distance; read again when it is gone.",
+                laboratory="Look down into the tank at that distance; read again when it is gone. One that "
+                "stands before all readings may be dirt on the lamp's window: wipe it.",
             )
     if levels := _levels(readings):
         yield OwnEffect(
