@@ -181,7 +181,8 @@ def _many(v: VerdictData, found: Sequence[FoundEffect]) -> Said:
     """The effects of the best set that are missing in the model, each by what is known of it."""
     sure = [one.effect for one in found if one.level.is_claimed]
     certain = [one.effect for one in found if one.level == Certainty.CERTAIN]
-    support = [f"Certain: {join(certain)}."] if certain else []
+    whole = f"{'Both' if len(found) == 2 else 'All'} of them are certain."
+    support = [whole if len(certain) == len(found) > 1 else f"Certain: {join(certain)}."] if certain else []
     support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == Certainty.SIMPLEST]
     missing = f"{_missing(sure)}{_on_trust(v)}" if sure else ""
     slots = "; ".join(_slot(one) for one in found if one.level == Certainty.ONE_OF)
