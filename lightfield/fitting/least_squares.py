@@ -95,6 +95,17 @@ class Fit:
         out[undetermined], out[:, undetermined] = np.nan, np.nan
         return out
 
+    def covariance_within_ranges(self, scale: float = 1.0) -> Array:
+        """The same where what the readings leave open is open as far as the ranges go, as if all in a range
+        were as likely beforehand; nothing of what lies at a bound."""
+        moving = np.flatnonzero((self.model.high > self.model.low) & ~self.at_bound())
+        slopes, room = self.jacobian[:, moving], (self.model.high - self.model.low)[moving]
+        known = slopes.T @ slopes / scale + np.diag(12.0 / room**2)
+        unit = np.sqrt(np.diag(known))
+        out = np.zeros((len(self.u), len(self.u)))
+        out[np.ix_(moving, moving)] = np.linalg.inv(known / np.outer(unit, unit)) / np.outer(unit, unit)
+        return out
+
     def stderr(self, scale: float = 1.0) -> dict[str, float]:
         """Standard error of every scene value; NaN where it is undetermined or at a bound."""
         sigma = np.sqrt(np.diag(self.covariance(scale)))
