@@ -140,7 +140,10 @@ def _perhaps(v: VerdictData, one: AcceptedExplanation) -> Said:
         but = "the evidence against chance is weak"
     would = f"{'they' if several else 'it'} would explain the misfit"
     what = f"Perhaps {join(one.effects)}{_within(v)}: {would}, but {but}."
-    return Said.of(what, *([f"Certain: {join(certain)}."] if certain else []), *others)
+    known = [f"Certain: {join(certain)}."] if certain else []
+    if {*certain} == {*one.effects}:  # a name that is in doubt by its sizes is not called certain beside it
+        known = [f"That {'effects like these act' if several else 'an effect like it acts'} is certain."]
+    return Said.of(what, *known, *others)
 
 
 def _one_of(v: VerdictData, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:

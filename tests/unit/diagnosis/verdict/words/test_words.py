@@ -330,6 +330,19 @@ def test_nought_has_no_sign() -> None:
     assert exactly(one).startswith("0 ") and roughly(one) == "0 1/m"
 
 
+def test_why_a_size_has_no_error_follows_its_unit() -> None:
+    """It was "0.7 (at boundary) m"."""
+    assert exactly(Estimate(value=0.7, unit="m", reason=Reason.AT_BOUNDARY)) == "0.7 m (at boundary)"
+
+
+def test_what_is_perhaps_there_is_not_called_certain_by_its_name() -> None:
+    """A headline said "Perhaps fouling", and the next sentence "Certain: fouling"."""
+    edge = explanation("fouling", reason=Reason.AT_BOUNDARY)
+    text = words_of(verdict_data("ambiguous", edge, found=[effect("fouling", "certain")]))
+    assert text.headline.startswith("Perhaps fouling: it would explain the misfit, but only with a parameter")
+    assert text.support == ("That an effect like it acts is certain.",)
+
+
 def test_why_an_explanation_of_less_weight_stands_first_is_said() -> None:
     named = explanation("beam_shape", "background").model_copy(update={"weight": 0.2})
     curve = explanation("beam_profile", "background").model_copy(update={"weight": 0.7})
