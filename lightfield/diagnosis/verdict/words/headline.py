@@ -156,8 +156,11 @@ def _one_of(v: VerdictData, told: Sequence[AcceptedExplanation], rival: NearestR
     what = f"{capital(_either([one.effects for one in told[:_NAMED]], more))}: these readings cannot tell"
     if rival is None:
         return Said.of(f"{what}{_within(v)}.", *others)
-    first = f"{join(told[0].effects)} {'lies' if len(told[0].effects) == 1 else 'lie'}"
-    apart = f"{first} {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
+    first, far = told[0].effects, f"{rival.separation_sigma:.1f} sigma from"
+    if {*rival.effects} in [{*one.effects} for one in v.explanations]:
+        apart = f"{join(first)} {'lies' if len(first) == 1 else 'lie'} {far} {join(rival.effects)}"
+    else:
+        apart = f"what comes next, {join(rival.effects)}, lies {far} {join(first)}"
     said = Said(f"{what} ({apart}){_within(v)}.", f"{what}{_within(v)}.", (f"{capital(apart)}.",))
     return reduce(Said.then, others, said)
 

@@ -131,6 +131,12 @@ RIVAL = NearestRival(effects=["acceptance"], separation_sigma=5.0)
          "within 1 %.",
          "Scattering or acceptance: these readings cannot tell within 1 %.",
          ["Scattering lies 5.0 sigma from acceptance."]),
+        # One that is not among those which cannot be told is no answer to which of them it is.
+        ("ambiguous", [("scattering",), ("background",)], RIVAL,
+         "Scattering or background: these readings cannot tell (what comes next, acceptance, lies 5.0 sigma "
+         "from scattering) within 1 %.",
+         "Scattering or background: these readings cannot tell within 1 %.",
+         ["What comes next, acceptance, lies 5.0 sigma from scattering."]),
         ("ambiguous", [("scattering",), ("acceptance",)], None,
          "Scattering or acceptance: these readings cannot tell within 1 %.",
          "Scattering or acceptance: these readings cannot tell within 1 %.", []),
