@@ -92,9 +92,10 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
     unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
     value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
     base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-    upper.plot(at, base, color=FORMULA, linestyle=DASH, label=view.predictions[0].name)
+    upper.plot(*_line(at, base), color=FORMULA, linestyle=DASH, label=view.predictions[0].name)
     if len(view.predictions) > 1:
-        banded(upper, at, best, sigma, alpha=0.2, color=RENDER, label=view.predictions[-1].short_name)
+        named = view.predictions[-1].short_name
+        banded(upper, *_line(at, best, sigma), alpha=0.2, color=RENDER, label=named)
     upper.errorbar(
         at[~out], value[~out], sigma[~out], fmt="o", color=DATA, markersize=3, linewidth=0.9, label="readings"
     )
@@ -293,9 +294,9 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
                 label="residual of the base model",
             )
             for k, signature in enumerate(view.signatures[:_MOST_SIGNATURES]):
+                change = (signature.change / view.readings.sigma)[rows]
                 axis.plot(
-                    at,
-                    (signature.change / view.readings.sigma)[rows],
+                    *((at, change) if view.is_scattered else _line(at, change)),
                     color=SERIES[(0, 2, 3, 4)[k]],
                     linestyle="none" if view.is_scattered else _STYLES[k % len(_STYLES)],
                     marker=_MARKS[k % len(_MARKS)] if view.is_scattered else None,
@@ -320,6 +321,13 @@ def _panels(view: ReadingsView) -> list[Group]:
     if view.is_grid:
         groups = [view.middle_line(group, view.scan_axis) for group in groups]
     return few(groups, _MOST_PANELS)
+
+
+def _line(at: Array, *values: Array) -> list[Array]:
+    """Places with the means of what is told there: of one that was read at several times a line has one."""
+    places, of = np.unique(at, return_inverse=True)
+    count = np.bincount(of)
+    return [places, *(np.bincount(of, weights=value) / count for value in values)]
 
 
 def _sorted(view: ReadingsView, group: Group) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

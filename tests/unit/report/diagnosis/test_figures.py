@@ -110,3 +110,11 @@ def test_of_a_cross_the_arm_is_drawn_along_which_the_model_misses() -> None:
     assert _view(cross).scan_axis == "x_m"
     fig = data_figure(_view(cross, departs=5.0))
     assert {one.get_xlabel() for one in fig.axes if one.get_xlabel()} == {"y (m)"}
+
+
+def test_a_line_goes_once_through_a_place_that_was_read_again() -> None:
+    """At another time the lamp was dimmer: the line fell to the second reading and went on from there."""
+    view = _view([(x, 0.0, 2.0) for x in (-0.2, 0.0, 0.0, 0.2)])
+    value = np.array([1.0, 1.0, 0.8, 1.0])
+    (line,) = data_figure(ReadingsView(view.readings, [Prediction("base", value)])).axes[0].lines[:1]
+    assert line.get_xdata().tolist() == [-0.2, 0.0, 0.2] and line.get_ydata()[1] == pytest.approx(0.9)
