@@ -25,6 +25,7 @@ from lightfield.diagnosis.verdict.words.effects import (
     as_well,
     follows_any,
     has_no_equal,
+    in_company,
     instead,
     level,
     shared,
@@ -176,7 +177,7 @@ def _either(sets: Sequence[Sequence[str]], more: str) -> str:
     common = [name for name in sets[0] if all(name in names for names in sets)]
     own = [[name for name in names if name not in common] for names in sets]
     if common and all(own):
-        each = " or ".join(" with ".join(map(plain, names)) for names in own)
+        each = " or ".join(map(in_company, own))
         return f"{join(common)}, and {each} {more}".rstrip()
     if all(len(names) == 1 for names in sets):
         return f"{' or '.join(map(join, sets))} {more}".rstrip()

@@ -20,7 +20,13 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import effect_size, half_widths, means_something, why_first
+from lightfield.diagnosis.verdict.words.effects import (
+    effect_size,
+    half_widths,
+    instead,
+    means_something,
+    why_first,
+)
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
@@ -59,6 +65,12 @@ def test_what_stands_against_the_only_explanation_is_said() -> None:
         "Certain: saturation.",
         "Instead of beam offset: stratification with surface reflection.",
     )
+
+
+def test_a_set_of_three_among_others_is_one() -> None:
+    """It was "background spectrum with scattering with scattering slope or chlorophyll"."""
+    one = effect("sediment", "one of", ["a", "b", "c"], ["d"])
+    assert instead(one) == "a with b and c, or d"
 
 
 def test_of_one_set_that_is_told_all_is_said_that_does_as_well() -> None:
