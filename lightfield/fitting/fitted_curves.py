@@ -210,7 +210,7 @@ def _with_finer(fit: Fit, scale: float) -> Array:
 
     They are counted as errors of these, which between them leave no place out.
     """
-    covariance = np.nan_to_num(fit.covariance(scale))
+    covariance = fit.covariance_within_ranges(scale)
     for field in {field_of(path) for path in fit.paths} & {PROFILE, ABSORPTION, POWER}:
         mine = {
             int(path.rpartition(".")[2]): i for i, path in enumerate(fit.paths) if field_of(path) == field

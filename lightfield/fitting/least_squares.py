@@ -27,6 +27,8 @@ _NEWTON = 1e-9
 #: Squares of directions, over the largest, that are not determined; a parameter has a part in one if the
 #: square of that is so large. Derived: rounding of doubles, squared, with room; its root.
 LOOSE, OPEN = 1e-12, 1e-6
+#: Square of a range over the variance of what lies anywhere in it alike. Derived.
+_EVEN = 12.0
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,17 @@ class Fit:
         # Along a loose direction the readings stay as they are: what has a part in it may be anything.
         undetermined = np.flatnonzero(moving)[(directions[:, ~firm] ** 2).sum(axis=1) > OPEN]
         out[undetermined], out[:, undetermined] = np.nan, np.nan
+        return out
+
+    def covariance_within_ranges(self, scale: float = 1.0) -> Array:
+        """The same where what the readings leave open is open as far as the ranges go, as if all in a range
+        were as likely beforehand; nothing of what lies at a bound."""
+        moving = np.flatnonzero((self.model.high > self.model.low) & ~self.at_bound())
+        slopes, room = self.jacobian[:, moving], (self.model.high - self.model.low)[moving]
+        known = slopes.T @ slopes / scale + np.diag(_EVEN / room**2)
+        unit = np.sqrt(np.diag(known))
+        out = np.zeros((len(self.u), len(self.u)))
+        out[np.ix_(moving, moving)] = np.linalg.inv(known / np.outer(unit, unit)) / np.outer(unit, unit)
         return out
 
     def stderr(self, scale: float = 1.0) -> dict[str, float]:

@@ -44,6 +44,7 @@ class Reason(Word):
     TOO_WIDE = "undetermined: error wider than the allowed range"
     NONE = "none at all"
     BENDS_NO_MORE = "bends no more"
+    BEFORE_ALL = "before all readings"
 
     @property
     def short(self) -> Reason:

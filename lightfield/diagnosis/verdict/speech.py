@@ -74,8 +74,10 @@ def short(value: float, digits: int) -> str:
 
 def exactly(one: Estimate) -> str:
     """A value with its error, or why there is none: to look it up."""
-    error = f"({one.reason})" if one.stderr is None else f"± {short(one.stderr, 2)}"
-    return in_unit(f"{short(one.value, _DIGITS_TO_LOOK_UP)} {error}", one.unit)
+    value = short(one.value, _DIGITS_TO_LOOK_UP)
+    if one.stderr is None:
+        return f"{in_unit(value, one.unit)} ({one.reason})"
+    return in_unit(f"{value} ± {short(one.stderr, 2)}", one.unit)
 
 
 def roughly(one: Estimate) -> str:

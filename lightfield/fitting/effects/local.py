@@ -40,8 +40,11 @@ AMPLITUDES = ("depth", "size", "a", "b")
 #: What stands before the first plane shades the same rays at all of them, wherever it stands. Derived: so
 #: many edges before it a plume is whole, to a per cent.
 _BEFORE = 3.0
-#: A ripple over the angle has so many periods within the readings at most. Chosen: a scan of forty points.
-_RIPPLES = 20
+#: A ripple over the angle has so many periods within the readings at most, and so many angles that differ in
+#: a period. Chosen: a scan of forty points; derived: through fewer angles slower ripples go as well.
+_RIPPLES, _ANGLES_IN_A_PERIOD = 20, 2
+#: Decimals in degrees to which angles are the same: of a ray that was read at several distances. Chosen.
+_ANGLE_DECIMALS = 3
 #: What takes so little of the time between two readings is sudden: shorter times are all alike. Chosen.
 _SUDDEN = 0.02
 #: A ripple in time has so many readings in a period, and so many periods, at least; and no more than these.
@@ -137,7 +140,8 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
                     "width": _between("m", _NARROWEST_M, _WIDEST_PART * span, "its half width at 1/e"),
                 },
                 physics="Something rises at one distance and dims what passes through it: the rays beyond.",
-                laboratory="Look down into the tank at that distance; read again when it is gone.",
+                laboratory="Look down into the tank at that distance; read again when it is gone. One that "
+                "stands before all readings may be dirt on the lamp's window: wipe it.",
             )
     if levels := _levels(readings):
         yield OwnEffect(
@@ -153,15 +157,14 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             laboratory="Read one place in both ranges, or with a known grey filter at the brightest.",
         )
     theta = np.degrees(angle_from_axis(readings.x_m, readings.y_m, readings.z_m))
-    if (widest := float(theta.max())) > 0:
+    if periods_deg := _ripple_periods_deg(theta):
         yield _ripple(
-            "ripple_over_angle", "source", "theta", "deg", (widest / _RIPPLES, widest),
+            "ripple_over_angle", "source", "theta", "deg", periods_deg,
             physics="Rings of the lamp's optics: its intensity ripples over the angle from its axis.",
             laboratory="Measure the lamp in air at one range with a fine angular step.",
         )  # fmt: skip
         yield _ripple(
-            "ripple_at_receiver", "receiver", "(180/pi)*atan(sqrt(x**2 + y**2)/z)", "deg",
-            (widest / _RIPPLES, widest),
+            "ripple_at_receiver", "receiver", "(180/pi)*atan(sqrt(x**2 + y**2)/z)", "deg", periods_deg,
             physics="Interference in the receiver's window: what is read ripples over the angle of arrival.",
             laboratory="Turn the receiver by some degrees, read again at one place: the ripple turns too.",
         )  # fmt: skip
@@ -189,6 +192,13 @@ def ripple_periods_s(time_s: Array) -> tuple[float, float] | None:
     span = float(np.ptp(time_s)) if np.isfinite(time_s).all() else 0.0
     most = min(len(np.unique(time_s)) / _IN_A_PERIOD, _MOST_PERIODS)
     return (span / most, span / _FEWEST_PERIODS) if span > 0 and most > _FEWEST_PERIODS else None
+
+
+def _ripple_periods_deg(theta: Array) -> tuple[float, float] | None:
+    """Shortest and longest period of a ripple over the angle that readings show; None: none."""
+    widest, angles = float(theta.max()), len(np.unique(np.round(theta, _ANGLE_DECIMALS)))
+    most = min(angles / _ANGLES_IN_A_PERIOD, _RIPPLES)
+    return (widest / most, widest) if widest > 0 and most > 1 else None
 
 
 def _ripple(

@@ -92,9 +92,10 @@ def _readings_panel(axes: Iterable[Axes], view: ReadingsView, group: Group) -> N
     unit = float(np.nanmax(np.abs(view.readings.value[rows]))) or 1.0
     value, sigma = view.readings.value[rows] / unit, view.readings.sigma[rows] / unit
     base, best = (view.predictions[k].value[rows] / unit for k in (0, -1))
-    upper.plot(at, base, color=FORMULA, linestyle=DASH, label=view.predictions[0].name)
+    upper.plot(*_line(at, base), color=FORMULA, linestyle=DASH, label=view.predictions[0].name)
     if len(view.predictions) > 1:
-        banded(upper, at, best, sigma, alpha=0.2, color=RENDER, label=view.predictions[-1].short_name)
+        named = view.predictions[-1].short_name
+        banded(upper, *_line(at, best, sigma), alpha=0.2, color=RENDER, label=named)
     upper.errorbar(
         at[~out], value[~out], sigma[~out], fmt="o", color=DATA, markersize=3, linewidth=0.9, label="readings"
     )
@@ -143,8 +144,13 @@ def steps(view: ReadingsView) -> list[tuple[int, str]]:
 
 
 def few(panels: list[Group], most: int) -> list[Group]:
-    """First, last and evenly chosen panels between."""
-    return [panels[i] for i in evenly(len(panels), most)]
+    """First, last and evenly chosen panels between: of scans, before single places and short ones."""
+    size = np.array([len(panel.rows) for panel in panels])
+    long = 2 * size >= size.max()
+    first, rest = np.flatnonzero(long), np.flatnonzero(~long)
+    first = first[evenly(len(first), most)]
+    rest = rest[evenly(len(rest), most - len(first))]
+    return [panels[i] for i in sorted([*first, *rest])]
 
 
 def misfit_dots(
@@ -288,9 +294,9 @@ def signature_figure(view: DiagnosisView, narrow: bool = False) -> Figure:
                 label="residual of the base model",
             )
             for k, signature in enumerate(view.signatures[:_MOST_SIGNATURES]):
+                change = (signature.change / view.readings.sigma)[rows]
                 axis.plot(
-                    at,
-                    (signature.change / view.readings.sigma)[rows],
+                    *((at, change) if view.is_scattered else _line(at, change)),
                     color=SERIES[(0, 2, 3, 4)[k]],
                     linestyle="none" if view.is_scattered else _STYLES[k % len(_STYLES)],
                     marker=_MARKS[k % len(_MARKS)] if view.is_scattered else None,
@@ -313,17 +319,15 @@ def _panels(view: ReadingsView) -> list[Group]:
     if view.scan_axis == "z_m":
         return [Group("along the axis", np.concatenate([group.rows for group in groups]))]
     if view.is_grid:
-        groups = [_middle_line(view, group) for group in groups]
+        groups = [view.middle_line(group, view.scan_axis) for group in groups]
     return few(groups, _MOST_PANELS)
 
 
-def _middle_line(view: ReadingsView, group: Group) -> Group:
-    """Of a grid, the line next to the axis: lines drawn through a grid would jump from row to row."""
-    name = "x_m" if view.scan_axis == "y_m" else "y_m"
-    other = getattr(view.readings, name)[group.rows]
-    nearest = other[np.abs(other).argmin()]
-    rows = group.rows[np.abs(other - nearest) < 1e-6]
-    return Group(f"{group.label}, {name[0]} = {nearest + 0.0:g} m", rows)
+def _line(at: Array, *values: Array) -> list[Array]:
+    """Places with the means of what is told there: of one that was read at several times a line has one."""
+    places, of = np.unique(at, return_inverse=True)
+    count = np.bincount(of)
+    return [places, *(np.bincount(of, weights=value) / count for value in values)]
 
 
 def _sorted(view: ReadingsView, group: Group) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -123,14 +123,32 @@ class ReadingsView:
 
     @property
     def scan_axis(self) -> str:
-        """Coordinate that varies most within planes: "x_m", "y_m", or "z_m" when neither varies."""
-        readings = self.readings
+        """Coordinate that varies most within planes: "x_m", "y_m", or "z_m" when neither varies.
+
+        Of a grid or a cross that along whose middle lines the base model misses the most.
+        """
+        readings, groups = self.readings, self.groups()
+        if self.is_grid:
+            lost = np.nan_to_num(self.residual_sigma(0)) ** 2 * ~readings.left_out
+            missed = {
+                name: sum(float(lost[self.middle_line(group, name).rows].sum()) for group in groups)
+                for name in ("x_m", "y_m")
+            }
+            return max(missed, key=lambda name: missed[name])
         spans = {
-            name: max(float(np.ptp(getattr(readings, name)[group.rows])) for group in self.groups())
+            name: max(float(np.ptp(getattr(readings, name)[group.rows])) for group in groups)
             for name in ("x_m", "y_m")
         }
         best = max(spans, key=lambda name: spans[name])
         return best if spans[best] > 1e-9 else "z_m"
+
+    def middle_line(self, group: Group, along: str) -> Group:
+        """Of a grid, the line next to the axis: lines drawn through a grid would jump from row to row."""
+        name = "x_m" if along == "y_m" else "y_m"
+        other = getattr(self.readings, name)[group.rows]
+        nearest = other[np.abs(other).argmin()]
+        rows = group.rows[np.abs(other - nearest) < 1e-6]
+        return Group(f"{group.label}, {name[0]} = {nearest + 0.0:g} m", rows)
 
     @property
     def is_grid(self) -> bool:

@@ -72,6 +72,11 @@ def test_what_readings_do_not_tell_apart_has_no_error() -> None:
     )
     assert np.isnan([two.stderr()[n] for n in "ab"]).all()
     assert two.stderr()["k"] == pytest.approx(one.stderr()["k"], rel=1e-3) and np.isfinite(one.stderr()["a"])
+    # Their product is known as well, and each of them as far as its range goes.
+    known, slopes = two.covariance_within_ranges(), np.array([two.values["b"], two.values["a"], 0.0])
+    product = np.sqrt(slopes @ known @ slopes)
+    assert product == pytest.approx(one.stderr()["a"], rel=1e-2)
+    assert 1.0 < np.sqrt(known[0, 0]) < 9.9
 
 
 def test_a_parameter_at_its_bound_has_no_error() -> None:

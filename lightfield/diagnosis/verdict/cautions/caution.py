@@ -40,6 +40,7 @@ class Warns(str, Enum):
     ANOTHER_LAMP = "another lamp than the table's"
     UNEVEN_LAMP = "uneven lamp"
     FINEST_CURVE = "lamp's curve as fine as curves go"
+    GAIN_OF_ONE = "gains of planes on one reading"
     UNSETTLED = "scattered light by the trace of the search alone"
     LEFT_OUT = "scattered and reflected light left out"
     NOT_CONVERGED = "not converged"
@@ -89,6 +90,8 @@ _WORDS = {
     Warns.FINEST_CURVE: "the lamp's curve takes as many functions as there are: {about} may stand for detail "
     "that it leaves out, an edge or a ring; measure the lamp with a fine step, and state its table (in air "
     "behind a flat window its angles are 1.34 times those in water: lamp.table_width)",
+    Warns.GAIN_OF_ONE: "gains of {planes:g} of the planes rest on one reading each, where a slip looks the "
+    "same: read again first at z = {z_m:.4g} m, which is {percent:.2g} % off its neighbours",
     Warns.UNSETTLED: "scattered light is that of one trace in other water, weighed anew, as the beam is not "
     "round or the receiver no cosine collector: what is fitted may be off by several of its errors",
     Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy import special
 
+from lightfield.arrays import Array
+from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.search.cascade import SearchResult
 from lightfield.diagnosis.search.followed import is_of_the_search_alone
@@ -15,8 +17,10 @@ from lightfield.diagnosis.search.pool.uneven_lamp import may_be_detail, of_an_un
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.verdict.cautions.caution import Caution, Warns
 from lightfield.diagnosis.verdict.parts import AcceptedExplanation, Estimate, Reason
-from lightfield.fitting.curves import field_of, is_amplitude
+from lightfield.fitting.curves import PLANES, field_of, is_amplitude
+from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
+from lightfield.readings.columns import LINE_DECIMALS
 
 #: Factors on the stated variance from which on they are spoken of, if their chances are less than these.
 #: Chosen: test_diagnosis.py has one that is spoken of and one that is not; errors stated twice too large
@@ -64,6 +68,8 @@ def cautions(
     of_best = many.best.explanation if many is not None else ()
     if many is not None and (beside := [c for c in of_best if may_be_detail(many.pool, many.best, c)]):
         out.append(Caution(warns=Warns.FINEST_CURVE, about=", ".join(c.name for c in beside)))
+    if (shown := finding.best or finding.closest) is not None:
+        out += of_single_readings(prepared.problem, shown.fit)
     if is_of_the_search_alone(prepared.problem, finding.best.fit if finding.best else finding.level.base):
         out.append(Caution(warns=Warns.UNSETTLED))
     for explanation in explanations[:1]:
@@ -73,6 +79,30 @@ def cautions(
         elif _SETTLING in explanation.parameters:
             out.append(Caution(warns=Warns.OF_THE_SCENES_PHASE, about=_SETTLING))
     return out
+
+
+def of_single_readings(problem: Problem, fit: Fit) -> list[Caution]:
+    """Of gains of planes, how many rest on one reading, and which of these lies farthest off its neighbours:
+    a reading that a bubble dimmed made one, which was then certain."""
+    if not any(field_of(path) == PLANES for path in fit.paths):
+        return []
+    basis = problem.forward.scenes.curves.bases[PLANES]
+    at = np.round(problem.layout.z_m, LINE_DECIMALS)[problem.keep > 0]
+    gain = basis.functions @ basis.amplitudes(fit.values)
+    off = {
+        float(z): 100 * abs(float(np.expm1(gain[k] - np.interp(z, *_others(basis.place, gain, k)))))
+        for k, z in enumerate(basis.place)
+        if np.count_nonzero(at == z) == 1
+    }
+    if not off:
+        return []
+    worst = max(off, key=lambda z: off[z])
+    values = {"planes": len(off), "z_m": worst, "percent": off[worst]}
+    return [Caution(warns=Warns.GAIN_OF_ONE, about=PLANES, values=values)]
+
+
+def _others(place: Array, gain: Array, k: int) -> tuple[Array, Array]:
+    return np.delete(place, k), np.delete(gain, k)
 
 
 def at_boundary(parameters: Mapping[str, Estimate]) -> list[Caution]:

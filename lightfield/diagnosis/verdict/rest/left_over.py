@@ -23,10 +23,9 @@ from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.preparation import Prepared, whitened_test
 from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet
-from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
-from lightfield.diagnosis.verdict.rest.located import located
+from lightfield.diagnosis.verdict.rest.located import parameters_of
 from lightfield.diagnosis.verdict.trust import error_scale
 from lightfield.fitting.effects.local import ALONG, AMPLITUDES, CLOUD, PLUME
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -166,13 +165,7 @@ def _record(
     forward = problem.forward
     own = next(e for e in forward.scene.effect if e.name == name)
     scale = max(phi, fit.chi2 / max(int(problem.keep.sum()) - len(fit.u), 1))
-    told = estimates(fit, scale, units_of(forward.scene))
-    prefix = f"effect.{name}."
-    mine = {
-        key: one if key in AMPLITUDES else located(problem, fit, whiten, scale, prefix + key, one)
-        for path, one in told.items()
-        if path.startswith(prefix) and (key := path.removeprefix(prefix))
-    }
+    mine = parameters_of(own, problem, fit, whiten, scale)
     at, places, signal = _along(ALONG[name], forward.readings)
     factor, stderr = _curve(own, fit, scale, places, signal)
     read_at, read = _read(problem, forward.readings, fit, name)

@@ -3,13 +3,17 @@ readings, so chi-square is asked on both sides."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.search.profile_likelihood import ONE_SIGMA, TWO_SIGMA
+from lightfield.diagnosis.verdict.estimates import estimates, units_of
 from lightfield.diagnosis.verdict.parts import Estimate, Reason
+from lightfield.fitting.effects.local import AMPLITUDES, PLUME
 from lightfield.fitting.least_squares import Fit, Whiten, least_squares
 from lightfield.fitting.parameter import Model
+from lightfield.scene.own.own_effect import OwnEffect
 
 #: First step away from where a fit lies, as part of the range, and how much longer the next one is. Chosen: a
 #: range is crossed in seven.
@@ -17,6 +21,35 @@ _FIRST, _LONGER = 1e-3, 3.0
 #: Halvings of the step that goes too far, and steps of a fit with one parameter held. Chosen: a hundredth of
 #: it; what is refitted hardly moves.
 _HALVINGS, _STEPS = 7, 4
+
+
+def parameters_of(
+    own: OwnEffect, problem: Problem, fit: Fit, whiten: Whiten, scale: float
+) -> dict[str, Estimate]:
+    """The parameters of a local unknown by their names, with the errors of a profile where it has places.
+
+    What lies at the end of its range is told without an error, and stays there while the others are asked:
+    a shadow from before all readings has its place and width beside the distance that is told.
+    """
+    prefix = f"effect.{own.name}."
+    told = {path: e for path, e in estimates(fit, scale, units_of(problem.forward.scene)).items()
+            if path.startswith(prefix)}  # fmt: skip
+    ends = {path for path, e in told.items() if e.reason is Reason.AT_BOUNDARY}
+    stay = [
+        p.held(float(u)) if p.path in ends else p for p, u in zip(fit.model.parameters, fit.u, strict=True)
+    ]
+    there = replace(fit, model=Model(fit.model.forward, tuple(stay)))
+    out = {
+        path.removeprefix(prefix): one
+        if path.removeprefix(prefix) in AMPLITUDES
+        else located(problem, there, whiten, scale, path, one)
+        for path, one in told.items()
+    }
+    if own.name == PLUME and prefix + "z0" in ends:
+        distance = fit.model.parameters[i := fit.paths.index(prefix + "z0")]
+        if distance.end_near(float(fit.u[i])) == distance.low:
+            out["z0"] = out["z0"].model_copy(update={"reason": Reason.BEFORE_ALL})
+    return out
 
 
 def located(

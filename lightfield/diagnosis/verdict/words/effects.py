@@ -74,16 +74,16 @@ def instead(one: FoundEffect) -> str:
     least = [a for a in one.alternatives if not any(set(b) < set(a) for b in one.alternatives)]
     shown = least[:_ALTERNATIVES_TOLD]
     courses = [names for names in shown if _is_course_of(one.effect, names)]
-    told = [_with(names) for names in shown if names not in courses]
+    told = [in_company(names) for names in shown if names not in courses]
     if one.beyond:
-        told.insert(0, f"more {_with(one.beyond)} than is held plausible")
+        told.insert(0, f"more {in_company(one.beyond)} than is held plausible")
     if courses:  # first, next to what "it" is
-        told.insert(0, f"any course of it ({' or '.join(map(_with, courses))})")
+        told.insert(0, f"any course of it ({' or '.join(map(in_company, courses))})")
     if one.other_lamp and not any(_CURVE in names for names in one.alternatives):
         told.append("a lamp of another shape")
     # Sets without an effect of the scene hold it as stated.
     as_stated = "the scene's beside " if one.of_scene and told else ""
-    return f"{as_stated}{' or '.join(told)}"
+    return f"{as_stated}{(', or ' if any(len(names) > 2 for names in shown) else ' or ').join(told)}"
 
 
 def called(one: FoundEffect) -> str:
@@ -132,8 +132,9 @@ def _is_course_of(effect: str, names: Sequence[str]) -> bool:
     return curve is not None and effect in curve.contains
 
 
-def _with(names: Sequence[str]) -> str:
-    return " with ".join(map(plain, names))
+def in_company(names: Sequence[str]) -> str:
+    """ "a", "a with b", "a with b and c": a set of effects among others."""
+    return plain(names[0]) if len(names) == 1 else f"{plain(names[0])} with {join(names[1:])}"
 
 
 def effect_size(one: FoundEffect) -> str:

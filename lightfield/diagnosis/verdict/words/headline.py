@@ -25,6 +25,7 @@ from lightfield.diagnosis.verdict.words.effects import (
     as_well,
     follows_any,
     has_no_equal,
+    in_company,
     instead,
     level,
     shared,
@@ -140,7 +141,10 @@ def _perhaps(v: VerdictData, one: AcceptedExplanation) -> Said:
         but = "the evidence against chance is weak"
     would = f"{'they' if several else 'it'} would explain the misfit"
     what = f"Perhaps {join(one.effects)}{_within(v)}: {would}, but {but}."
-    return Said.of(what, *([f"Certain: {join(certain)}."] if certain else []), *others)
+    known = [f"Certain: {join(certain)}."] if certain else []
+    if {*certain} == {*one.effects}:  # a name that is in doubt by its sizes is not called certain beside it
+        known = [f"That {'effects like these act' if several else 'an effect like it acts'} is certain."]
+    return Said.of(what, *known, *others)
 
 
 def _one_of(v: VerdictData, told: Sequence[AcceptedExplanation], rival: NearestRival | None) -> Said:
@@ -153,8 +157,11 @@ def _one_of(v: VerdictData, told: Sequence[AcceptedExplanation], rival: NearestR
     what = f"{capital(_either([one.effects for one in told[:_NAMED]], more))}: these readings cannot tell"
     if rival is None:
         return Said.of(f"{what}{_within(v)}.", *others)
-    first = f"{join(told[0].effects)} {'lies' if len(told[0].effects) == 1 else 'lie'}"
-    apart = f"{first} {rival.separation_sigma:.1f} sigma from {join(rival.effects)}"
+    first, far = told[0].effects, f"{rival.separation_sigma:.1f} sigma from"
+    if {*rival.effects} in [{*one.effects} for one in v.explanations]:
+        apart = f"{join(first)} {'lies' if len(first) == 1 else 'lie'} {far} {join(rival.effects)}"
+    else:
+        apart = f"what comes next, {join(rival.effects)}, lies {far} {join(first)}"
     said = Said(f"{what} ({apart}){_within(v)}.", f"{what}{_within(v)}.", (f"{capital(apart)}.",))
     return reduce(Said.then, others, said)
 
@@ -170,7 +177,7 @@ def _either(sets: Sequence[Sequence[str]], more: str) -> str:
     common = [name for name in sets[0] if all(name in names for names in sets)]
     own = [[name for name in names if name not in common] for names in sets]
     if common and all(own):
-        each = " or ".join(" with ".join(map(plain, names)) for names in own)
+        each = " or ".join(map(in_company, own))
         return f"{join(common)}, and {each} {more}".rstrip()
     if all(len(names) == 1 for names in sets):
         return f"{' or '.join(map(join, sets))} {more}".rstrip()
@@ -181,7 +188,8 @@ def _many(v: VerdictData, found: Sequence[FoundEffect]) -> Said:
     """The effects of the best set that are missing in the model, each by what is known of it."""
     sure = [one.effect for one in found if one.level.is_claimed]
     certain = [one.effect for one in found if one.level == Certainty.CERTAIN]
-    support = [f"Certain: {join(certain)}."] if certain else []
+    whole = f"{'Both' if len(found) == 2 else 'All'} of them are certain."
+    support = [whole if len(certain) == len(found) > 1 else f"Certain: {join(certain)}."] if certain else []
     support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == Certainty.SIMPLEST]
     missing = f"{_missing(sure)}{_on_trust(v)}" if sure else ""
     slots = "; ".join(_slot(one) for one in found if one.level == Certainty.ONE_OF)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit
+from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit, Reason
 from lightfield.diagnosis.verdict.speech import UNITS, join, roughly
 from lightfield.fitting.effects.local import PLUME
 from lightfield.wording import plain, rounded
@@ -62,8 +62,15 @@ def _described(one: LeftOver) -> str:
     error = "" if one.error_percent is None else f": the error would be {rounded(one.error_percent)} %"
     return (
         f"A {plain(one.name)}{beside} describes {one.removed_percent:.0f} % of what is left "
-        f"({values}){error}{enough}. It says where the rest is, not what."
+        f"({values}){error}{enough}. It says where the rest is, not what.{_before_all(one)}"
     )
+
+
+def _before_all(one: LeftOver) -> str:
+    """Of a shadow that falls on all distances: what casts it may be the lamp's own window."""
+    if Reason.BEFORE_ALL not in {e.reason for e in one.parameters.values()}:
+        return ""
+    return " It shades every distance along the same rays: dirt on the lamp's window would, too."
 
 
 def _size(one: Estimate) -> str:

@@ -160,7 +160,17 @@ def test_what_the_readings_refute_is_not_missing() -> None:
     found = [effect(name, "certain") for name in "abc"]
     said = words_of(verdict_data("identified", explanation("a", "b", "c"), found=found, stated=[refuted]))
     assert said.sentence.startswith("Your scene's c is not in the readings (lamp.c < 0.001, not 0.02).")
-    assert "A and b are missing in the model" in said.sentence and "Certain: a and b." in said.sentence
+    assert said.sentence.endswith("A and b are missing in the model. Both of them are certain.")
+
+
+@pytest.mark.parametrize(
+    ("last", "support"), [("certain", "All of them are certain."), ("simplest", "Certain: a and b.")]
+)
+def test_the_names_of_a_headline_are_not_said_twice(last: str, support: str) -> None:
+    """Three effects stood in the headline, and in the next sentence again."""
+    found = [effect("a", "certain"), effect("b", "certain"), effect("c", last)]
+    said = words_of(verdict_data("identified", explanation("a", "b", "c"), found=found))
+    assert said.headline == "A, b and c are missing in the model." and said.support[0] == support
 
 
 def test_three_whose_sizes_are_not_known_are_not_said_to_be_missing() -> None:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.fitting.fitted_curves import FittedCurve
 from lightfield.report.diagnosis.curves import curve_figure
-from lightfield.report.diagnosis.figures import residual_map
+from lightfield.report.diagnosis.figures import data_figure, residual_map
 from lightfield.report.diagnosis.ladder import ladder_figure
 from lightfield.report.diagnosis.single_places import place_map
 from lightfield.report.diagnosis.view import DrawnReadings, Prediction, ReadingsView
@@ -85,3 +85,38 @@ def test_every_curve_is_titled_with_its_effect(narrow: bool) -> None:
     titles = [one.get_title("left") + one.get_title() for one in curve_figure(two, narrow).axes[::2]]
     for title, name in zip(titles, ("beam profile", "attenuation profile"), strict=True):
         assert title.splitlines() == [name, "changing the readings by 16 % rms"]
+
+
+def _view(places: list[tuple[float, float, float]], departs: float = 0.0) -> ReadingsView:
+    """Readings at places (x, y, z) of which those above the axis are too dark by so much of a sigma."""
+    x, y, z = np.array(places).T
+    one, none = np.ones(len(x)), np.zeros(len(x), bool)
+    value = one - 0.1 * departs * (y > 0)
+    readings = DrawnReadings(x, y, z, 525 * one, value, 0.1 * one, ["water"] * len(x), none)
+    return ReadingsView(readings, [Prediction("base", one)])
+
+
+@pytest.mark.parametrize(("narrow", "drawn"), [(False, [1, 2, 3, 4, 5]), (True, [2, 3, 4])])
+def test_scans_are_drawn_before_single_places(narrow: bool, drawn: list[int]) -> None:
+    """Of an axis read at nine distances with three scans across, two of the scans were not drawn."""
+    axis = [(0.0, 0.0, z) for z in (1, 2.2, 2.4, 2.6, 2.8, 5)]
+    scans = [(x, 0.0, z) for z in (2.0, 3.0, 4.0) for x in np.linspace(-0.5, 0.5, 9)]
+    fig = data_figure(_view([*axis, *scans]), narrow)
+    assert [t for one in fig.axes if (t := one.get_title("left"))] == [f"z = {z} m" for z in drawn]
+
+
+def test_of_a_cross_the_arm_is_drawn_along_which_the_model_misses() -> None:
+    """What lay in y alone was drawn over x, where nothing was wrong."""
+    arm = np.linspace(-0.5, 0.5, 9)
+    cross = [(a, 0.0, z) for z in (2.0, 3.0) for a in arm] + [(0.0, a, z) for z in (2.0, 3.0) for a in arm]
+    assert _view(cross).scan_axis == "x_m"
+    fig = data_figure(_view(cross, departs=5.0))
+    assert {one.get_xlabel() for one in fig.axes if one.get_xlabel()} == {"y (m)"}
+
+
+def test_a_line_goes_once_through_a_place_that_was_read_again() -> None:
+    """At another time the lamp was dimmer: the line fell to the second reading and went on from there."""
+    view = _view([(x, 0.0, 2.0) for x in (-0.2, 0.0, 0.0, 0.2)])
+    value = np.array([1.0, 1.0, 0.8, 1.0])
+    (line,) = data_figure(ReadingsView(view.readings, [Prediction("base", value)])).axes[0].lines[:1]
+    assert line.get_xdata().tolist() == [-0.2, 0.0, 0.2] and line.get_ydata()[1] == pytest.approx(0.9)

@@ -20,7 +20,13 @@ from lightfield.diagnosis.verdict.parts import (
 )
 from lightfield.diagnosis.verdict.speech import Said, exactly, roughly
 from lightfield.diagnosis.verdict.words.doubt import doubt
-from lightfield.diagnosis.verdict.words.effects import effect_size, half_widths, means_something, why_first
+from lightfield.diagnosis.verdict.words.effects import (
+    effect_size,
+    half_widths,
+    instead,
+    means_something,
+    why_first,
+)
 from lightfield.diagnosis.verdict.words.headline import words_of
 
 
@@ -59,6 +65,12 @@ def test_what_stands_against_the_only_explanation_is_said() -> None:
         "Certain: saturation.",
         "Instead of beam offset: stratification with surface reflection.",
     )
+
+
+def test_a_set_of_three_among_others_is_one() -> None:
+    """It was "background spectrum with scattering with scattering slope or chlorophyll"."""
+    one = effect("sediment", "one of", ["a", "b", "c"], ["d"])
+    assert instead(one) == "a with b and c, or d"
 
 
 def test_of_one_set_that_is_told_all_is_said_that_does_as_well() -> None:
@@ -111,6 +123,7 @@ def test_reasons_are_written_as_ever() -> None:
     assert written == [
         "held", "at boundary", "did not move the model", "undetermined",
         "undetermined: error wider than the allowed range", "none at all", "bends no more",
+        "before all readings",
     ]  # fmt: skip
 
 
@@ -130,6 +143,12 @@ RIVAL = NearestRival(effects=["acceptance"], separation_sigma=5.0)
          "within 1 %.",
          "Scattering or acceptance: these readings cannot tell within 1 %.",
          ["Scattering lies 5.0 sigma from acceptance."]),
+        # One that is not among those which cannot be told is no answer to which of them it is.
+        ("ambiguous", [("scattering",), ("background",)], RIVAL,
+         "Scattering or background: these readings cannot tell (what comes next, acceptance, lies 5.0 sigma "
+         "from scattering) within 1 %.",
+         "Scattering or background: these readings cannot tell within 1 %.",
+         ["What comes next, acceptance, lies 5.0 sigma from scattering."]),
         ("ambiguous", [("scattering",), ("acceptance",)], None,
          "Scattering or acceptance: these readings cannot tell within 1 %.",
          "Scattering or acceptance: these readings cannot tell within 1 %.", []),
@@ -327,6 +346,19 @@ def test_nought_has_no_sign() -> None:
     """An absorption at the end of its range is 0, and not -0."""
     one = Estimate(value=-0.0, unit="1/m")
     assert exactly(one).startswith("0 ") and roughly(one) == "0 1/m"
+
+
+def test_why_a_size_has_no_error_follows_its_unit() -> None:
+    """It was "0.7 (at boundary) m"."""
+    assert exactly(Estimate(value=0.7, unit="m", reason=Reason.AT_BOUNDARY)) == "0.7 m (at boundary)"
+
+
+def test_what_is_perhaps_there_is_not_called_certain_by_its_name() -> None:
+    """A headline said "Perhaps fouling", and the next sentence "Certain: fouling"."""
+    edge = explanation("fouling", reason=Reason.AT_BOUNDARY)
+    text = words_of(verdict_data("ambiguous", edge, found=[effect("fouling", "certain")]))
+    assert text.headline.startswith("Perhaps fouling: it would explain the misfit, but only with a parameter")
+    assert text.support == ("That an effect like it acts is certain.",)
 
 
 def test_why_an_explanation_of_less_weight_stands_first_is_said() -> None:
