@@ -117,16 +117,19 @@ def _transverse(layout: Layout) -> list[Array]:
 
 
 def _per_plane(layout: Layout) -> list[Array]:
-    """A free level and slow cosines across the beam at every distance and channel."""
+    """A free level and slow cosines across the beam at every distance and channel, fewer than its readings:
+    what is met exactly would never be an outlier."""
     label = layout.plane_and_channel
-    count = int(label.max()) + 1
+    readings = np.bincount(label)
+    count = len(readings)
     terms = min(_PER_PLANE_TERMS, max(1, layout.size // (_READINGS_PER_TERM * count) - 1))
     across: list[Array] = []
     for coordinate in (layout.x_m, layout.y_m):
         levels = _levels(coordinate)
         if levels > 2:
             across += _cosines(coordinate, terms if levels >= _LONG_ROW else 1)
-    return [(label == k) * shape for k in range(count) for shape in [np.ones(layout.size), *across]]
+    shapes = [np.ones(layout.size), *across]
+    return [(label == k) * shape for k, n in enumerate(readings) for shape in shapes[: n - 1]]
 
 
 def _bumps(layout: Layout) -> list[Array]:

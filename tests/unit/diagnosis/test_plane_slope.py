@@ -66,3 +66,25 @@ def test_it_is_there_in_any_unit() -> None:
     for unit in (1e-6, 1e-12):
         assert absorption(1, unit, 0.02) == pytest.approx((found, error), rel=1e-3)
     assert error > 0.5 * GAINS / np.sqrt(((PLANES_M - PLANES_M.mean()) ** 2).sum())
+
+
+def test_gains_that_rest_on_single_readings_are_not_certain() -> None:
+    """An axis read once at every distance, and crosses at three: a bubble before one reading on the axis, in
+    water of a gradient, made gains of planes of 42 sigma, certain."""
+    rng = np.random.default_rng(5)
+    axis = [(0.0, z) for z in np.arange(1.0, 6.75, 0.5)]
+    rows = [(x, z) for z in (1.0, 3.0, 5.0) for x in np.linspace(-0.6, 0.6, 17) if x]
+    x, z = np.array(axis + rows).T
+    r = np.hypot(x, z)
+    beam = np.exp2(-((np.degrees(np.arctan2(np.abs(x), z)) / 5) ** 2))
+    value = beam * z / r**3 * np.exp(-(TRUE_PER_M + 0.01 * (z / 2 - 3.5)) * r)
+    stderr = np.hypot(ERROR * value, 3e-4 * value.max())
+    value = value * np.where((x == 0) & (z == 1.5), 0.7, 1.0) + stderr * rng.standard_normal(len(x))
+    table = Readings.from_arrays(
+        x_m=x, y_m=0 * x, z_m=z, value=value, stderr=stderr, time_s=15.0 * np.arange(len(x)),
+        plane_gain_percent=0.3, position_mm=0.0,
+    )  # fmt: skip
+    scene = Scene.from_dict({"lamp": {"hwhm_deg": 5.5}, "water": {"absorption_per_m": 0.1}})
+    verdict = diagnose(table, scene, diffuse=None, advise=False).verdict
+    assert "plane_gain" in verdict.best_set
+    assert "plane_gain" not in [*verdict.certain, *verdict.simplest]

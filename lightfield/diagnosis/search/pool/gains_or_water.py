@@ -9,6 +9,7 @@ from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.formula.path import attenuation_per_m
+from lightfield.readings.columns import LINE_DECIMALS
 
 #: Water between two planes amplifies where its attenuation is so many of its standard errors below zero.
 #: Chosen: by chance once in 2000 scans of fifteen planes.
@@ -21,7 +22,7 @@ def water_may_do_it(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
 
     Between two planes it would have the attenuation K - (g_2 - g_1) / (z_2 - z_1), g the logarithm of the
     gains. Such water is possible where that is positive everywhere: then nothing tells the two apart, but
-    readings in air.
+    readings in air. Planes of a single reading are not asked: what lies there may be a slip of that reading.
 
     Parameters
     ----------
@@ -34,7 +35,9 @@ def water_may_do_it(pool: Pool, node: FittedSet, candidate: Candidate) -> bool:
     if problem.layout.air.any():
         return False
     basis = problem.forward.scenes.curves.bases[PLANES]
-    slopes = np.diff(basis.functions, axis=0) / np.diff(basis.place)[:, None]
+    at = np.round(problem.layout.z_m, LINE_DECIMALS)[problem.keep > 0]
+    several = np.array([np.count_nonzero(at == z) > 1 for z in basis.place])
+    slopes = np.diff(basis.functions[several], axis=0) / np.diff(basis.place[several])[:, None]
     moved = np.zeros((len(slopes), len(fit.paths)))
     for k, path in enumerate(basis.paths):
         moved[:, fit.paths.index(path)] = -slopes[:, k]

@@ -11,11 +11,13 @@ import pytest
 
 from lightfield.diagnosis import plan
 from lightfield.diagnosis.adequacy.score_tests import AdequacyTest
-from lightfield.diagnosis.adequacy.templates import bank
+from lightfield.diagnosis.adequacy.templates import bank, smooth_unknowns
+from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.experiments.layouts import scan
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
+from lightfield.readings import Readings
 from lightfield.scene import Scene
 
 
@@ -88,3 +90,16 @@ def test_a_surface_is_known_by_what_more_of_it_does_and_not_by_the_step_from_an_
     scores, _ = test.score(fit)
     elsewhere = plan._effects(problem, fit, scores, {"surface_reflection": 0.5}, forward)
     assert elsewhere["surface_reflection"].there[:, 0] == pytest.approx(expected, rel=1e-6)
+
+
+def test_no_smooth_unknown_meets_a_plane_exactly() -> None:
+    """A slip in the one reading of a plane was no outlier beside a level of that plane's own."""
+    x = np.r_[np.zeros(6), np.linspace(-0.5, 0.5, 9)]
+    z = np.r_[1.0, 1.5, 1.5, 2.0, 2.0, 2.0, np.full(9, 3.0)]
+    error, time = np.full(15, 0.01), 10.0 * np.arange(15)
+    table = Readings.from_arrays(x_m=x, y_m=0 * x, z_m=z, value=np.ones(15), stderr=error, time_s=time)
+    layout, ones = layout_of(table), np.ones(15)
+    found = smooth_unknowns(layout, ones, ones, with_scans=False)["plane"]
+    columns = {at: found[:, (found[z == at] != 0).any(axis=0)] for at in np.unique(z)}
+    ranks = {at: int(np.linalg.matrix_rank(own)) if own.size else 0 for at, own in columns.items()}
+    assert ranks[1.0] == 0 and ranks[1.5] == 1 and 1 <= ranks[2.0] <= 2 and ranks[3.0] == 2

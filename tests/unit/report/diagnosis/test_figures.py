@@ -92,7 +92,7 @@ def _view(places: list[tuple[float, float, float]], departs: float = 0.0) -> Rea
     x, y, z = np.array(places).T
     one, none = np.ones(len(x)), np.zeros(len(x), bool)
     value = one - 0.1 * departs * (y > 0)
-    readings = DrawnReadings(x, y, z, 525 * one, value, 0.1 * one, ["water"] * len(x), none)
+    readings = DrawnReadings(x, y, z, 525 * one, value, 0.1 * one, ["water"] * len(x), none, 0.0 * x)
     return ReadingsView(readings, [Prediction("base", one)])
 
 
