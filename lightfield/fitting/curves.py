@@ -52,10 +52,11 @@ FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, HALO, PLANES, BACKGROUND
 #: Most functions of each: of a lamp's profile 7 left rings and flat tops unexplained that 11 explain, and 11
 #: a measured flood with a steep edge and a step (what 7, 11 and 19 miss of 105 readings without noise: 1676,
 #: 136, 17 in chi-square; lamps of `benchmarks/many_effects`), and 19 a flat top whose edge falls by a factor
-#: of ten within 0.7 degrees (chi-square per reading 6.0, with 31 1.2: `test_lamps`). K(z) at five
+#: of ten within 0.7 degrees (chi-square per reading 6.0, with 31 1.2: `test_lamps`), and 31 the tip of a cone
+#: and dark rings, whose rest scattering and an apparent source took (`benchmarks/lamps`). K(z) at five
 #: distances has three, and hardly more are told apart at fifteen; six are a lamp's warm-up and a step. Eight
 #: follow the colour of a filter or of pigments 50 nm apart. Planes have a gain each, or are not asked.
-_MOST = {PROFILE: 31, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, PLANES: 30, BACKGROUND: 8}
+_MOST = {PROFILE: 51, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, PLANES: 30, BACKGROUND: 8}
 #: Nodes of a lamp's profile: one in a quarter of a degree where readings reach 25. A flat top with a ring
 #: falls by a factor of eight within a degree; with 61 nodes its edge was told to be a ripple over the angle,
 #: and chi-square per reading stayed at 4.8 (1.8 with these). Chosen.

@@ -40,7 +40,7 @@ EFFECTS = (
     Effect(
         BEAM_PROFILE,
         "beam shape",
-        _forms("lamp.profile_departure", (2, 4, 7, 11), refining=(19, 31), large=_OF_BEAM),
+        _forms("lamp.profile_departure", (2, 4, 7, 11), refining=(19, 31, 51), large=_OF_BEAM),
         "The beam has a shape of its own, which no formula describes: rings, a flat top, a peak, a hole.",
         "A function of the angle from the beam's axis alone, the same at every distance.",
         "Measure the lamp in air at one range with a fine angular step and use that table; behind a flat "

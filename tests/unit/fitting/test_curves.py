@@ -240,9 +240,10 @@ def test_curves_are_kept_apart_from_named_effects() -> None:
     assert {c.name for c in found.curves} == told
     assert not set(effects.curves()) & set(effects.table())
     sizes = {name: [len(c.amplitudes) for c in found.curves if c.name == name] for name in told}
-    # Five distances tell of three functions beside gain and absorption.
+    # Five distances tell of three functions beside gain and absorption, the angles of 45 beside gain and
+    # width.
     few = {"attenuation_profile": [2, 3], "plane_gain": [3]}
-    assert sizes == {"beam_profile": [2, 4, 7, 11, 19, 31], "lamp_power_curve": [3, 6], **few}
+    assert sizes == {"beam_profile": [2, 4, 7, 11, 19, 31, 45], "lamp_power_curve": [3, 6], **few}
     # Of these two leave one distance over, that could contradict them; and three none.
     spare = [c.spare for c in found.curves if c.name == "attenuation_profile"]
     assert spare == [1, 0]
@@ -330,7 +331,7 @@ def test_compare_fits_a_curve_by_its_name_and_leaves_a_lamp(tmp_path: Path) -> N
     table = readings(flood, layout="fine", noise=0.01)
     report = fit_readings(table, believed(), ["beam_profile"])
     units = {path: e.unit for path, e in report.estimates.items() if path.startswith(PROFILE)}
-    assert units == {f"{PROFILE}.{k}": "1" for k in range(1, 32)}
+    assert units == {f"{PROFILE}.{k}": "1" for k in range(1, 52)}
     report.save(tmp_path)
     lamp = Scene.from_dict({"lamp": {"profile": "table", "intensity_table": str(tmp_path / "lamp.csv")}}).lamp
     theta = np.radians(HWHM * np.array([0.5, 0.9, 1.3]))
