@@ -41,6 +41,7 @@ class Warns(str, Enum):
     UNEVEN_LAMP = "uneven lamp"
     FINEST_CURVE = "lamp's curve as fine as curves go"
     GAIN_OF_ONE = "gains of planes on one reading"
+    ORDERED = "an order in what is hardly larger than the errors"
     UNSETTLED = "scattered light by the trace of the search alone"
     LEFT_OUT = "scattered and reflected light left out"
     NOT_CONVERGED = "not converged"
@@ -92,6 +93,9 @@ _WORDS = {
     "behind a flat window its angles are 1.34 times those in water: lamp.table_width)",
     Warns.GAIN_OF_ONE: "gains of {planes:g} of the planes rest on one reading each, where a slip looks the "
     "same: read again first at z = {z_m:.4g} m, which is {percent:.2g} % off its neighbours",
+    Warns.ORDERED: "what is left is hardly larger than the errors ({times:.2g} times), and yet has an order: "
+    "it goes with {about} (p = {p:.1g}; below {limit:.1g} is no chance): a small effect that is missing, or "
+    "errors that neighbours share",
     Warns.UNSETTLED: "scattered light is that of one trace in other water, weighed anew, as the beam is not "
     "round or the receiver no cosine collector: what is fitted may be off by several of its errors",
     Warns.LEFT_OUT: "the scene scatters or reflects light that was not traced and is not in the model: the "

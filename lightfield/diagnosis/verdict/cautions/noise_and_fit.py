@@ -9,6 +9,7 @@ import numpy as np
 from scipy import special
 
 from lightfield.arrays import Array
+from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.problem.problem import Problem
 from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.search.cascade import SearchResult
@@ -21,6 +22,7 @@ from lightfield.fitting.curves import PLANES, field_of, is_amplitude
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 from lightfield.readings.columns import LINE_DECIMALS
+from lightfield.wording import plain
 
 #: Factors on the stated variance from which on they are spoken of, if their chances are less than these.
 #: Chosen: test_diagnosis.py has one that is spoken of and one that is not; errors stated twice too large
@@ -38,6 +40,18 @@ def variance_scale(prepared: Prepared, finding: SearchResult) -> float:
     times = prepared.noise.budget.times_stated
     scale = prepared.excess * finding.level.bench.phi * finding.scale * times**2
     return scale if scale >= 1.0 else min(1.0, scale * prepared.raised)
+
+
+#: What is left is told to have an order where it is larger than the errors by no more than this. Chosen:
+#: beyond, a misfit is seen by eye.
+_HARDLY_LARGER = 1.3
+#: What the unknowns of `adequacy.templates` go with.
+_GOES_WITH = {
+    "~x": "the place across the beam", "~plane": "the distance", "~time": "the time",
+    "~all": "place, distance and time together", "~bump": "one narrow place across the beam",
+    "~ripple": "the angle, to and fro", "~step": "a moment of the scan, before and after",
+    "~one plane": "one distance alone",
+}  # fmt: skip
 
 
 def cautions(
@@ -70,6 +84,7 @@ def cautions(
         out.append(Caution(warns=Warns.FINEST_CURVE, about=", ".join(c.name for c in beside)))
     if (shown := finding.best or finding.closest) is not None:
         out += of_single_readings(prepared.problem, shown.fit)
+    out += ordered(prepared, finding) if finding.best is None and finding.size is None else []
     if is_of_the_search_alone(prepared.problem, finding.best.fit if finding.best else finding.level.base):
         out.append(Caution(warns=Warns.UNSETTLED))
     for explanation in explanations[:1]:
@@ -79,6 +94,21 @@ def cautions(
         elif _SETTLING in explanation.parameters:
             out.append(Caution(warns=Warns.OF_THE_SCENES_PHASE, about=_SETTLING))
     return out
+
+
+def ordered(prepared: Prepared, finding: SearchResult) -> list[Caution]:
+    """Where nothing explains the readings, and what is left is hardly larger than their errors: which test it
+    fails most."""
+    level, closest = finding.level, finding.closest
+    fit, adequacy = (level.base, level.adequacy) if closest is None else (closest.fit, closest.adequacy)
+    spare = max(int(prepared.problem.keep.sum()) - len(fit.u), 1)
+    times = float(np.sqrt(fit.chi2 / spare * level.bench.test.scale))
+    if adequacy is None or adequacy.p > ALPHA or not prepared.errors_stated or times > _HARDLY_LARGER:
+        return []
+    worst = min(adequacy.tests, key=lambda name: adequacy.tests[name])
+    about = plain(worst[0]) if isinstance(worst, tuple) else _GOES_WITH[str(worst)]
+    values = {"times": times, "p": adequacy.tests[worst], "limit": adequacy.critical_p}
+    return [Caution(warns=Warns.ORDERED, about=about, values=values)]
 
 
 def of_single_readings(problem: Problem, fit: Fit) -> list[Caution]:

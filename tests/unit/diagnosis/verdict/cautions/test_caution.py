@@ -38,6 +38,7 @@ NUMBERS = {
     Warns.BEYOND_TABLE: {"beyond": 17.0, "readings": 65.0, "from_deg": 9.7},
     Warns.ANOTHER_LAMP: {"width_deg": 5.21, "better": 14.0},
     Warns.GAIN_OF_ONE: {"planes": 4.0, "z_m": 1.5, "percent": 24.0},
+    Warns.ORDERED: {"times": 1.1, "p": 2e-06, "limit": 0.0001},
     Warns.NOT_CONVERGED: {"gain": 12.0, "sigma": 3.5},
     Warns.NOT_CONFIRMED: {"fitted_percent": 0.42, "rendered_percent": 3.1},
 }

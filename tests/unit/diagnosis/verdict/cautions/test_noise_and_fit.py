@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace as Some
+
 import numpy as np
+import pytest
 from analytic_readings import scene
 
 from lightfield.diagnosis.problem.setup import problem_of
-from lightfield.diagnosis.verdict.cautions.noise_and_fit import of_single_readings
+from lightfield.diagnosis.verdict.cautions.noise_and_fit import of_single_readings, ordered
 from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
@@ -34,3 +37,27 @@ def test_a_gain_of_one_reading_is_told_to_be_read_again() -> None:
     assert 23 < told.values["percent"] < 27
     assert told.sentence.startswith("gains of 2 of the planes rest on one reading each, where a slip")
     assert "read again first at z = 5.5 m, which is 25 % off its neighbours" in told.sentence
+
+
+@pytest.mark.parametrize(
+    ("chi2", "p", "worst", "about"),
+    [
+        (98.0, 0.001, "~time", "the time"),
+        (98.0, 0.001, ("beam_tilt", "two angles"), "beam tilt"),
+        (98.0, 0.2, "~time", None),
+        (400.0, 0.001, "~time", None),
+    ],
+)
+def test_what_is_small_and_not_random_is_told_to_have_an_order(
+    chi2: float, p: float, worst: object, about: str | None
+) -> None:
+    """A fit at the noise was "unexplained", and nothing said why."""
+    adequacy = Some(p=p, tests={"~x": 0.3, worst: 2e-6}, critical_p=1e-4)
+    fit = Some(chi2=chi2, u=np.zeros(2))
+    level = Some(base=fit, adequacy=adequacy, bench=Some(test=Some(scale=1.0)))
+    prepared = Some(problem=Some(keep=np.ones(100)), errors_stated=True)
+    told = ordered(prepared, Some(level=level, closest=None))  # type: ignore[arg-type]
+    assert [one.about for one in told] == ([] if about is None else [about])
+    if told:
+        assert "hardly larger than the errors (1 times)" in told[0].sentence
+        assert f"goes with {about} (p = 2e-06; below 0.0001 is no chance)" in told[0].sentence
