@@ -30,6 +30,9 @@ from lightfield.fitting.parameter import FitParameter, Model
 #: A coordinate is named when a factor along it takes away this part of the misfit. Chosen: a third; of a
 #: misfit that is a function of one coordinate alone it takes nearly all (test_families.py).
 _NAMED = 0.35
+#: And said to lie at one place along it alone when it takes away this part. Chosen: daylight beside a window,
+#: over half of two planes, was said to lie in one of them.
+_ALONE = 0.75
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,7 @@ def unexplained(
         beside.append((finding.closest.explanation, _linear(problem, finding.closest.fit, plain)))
     if not finding.unknown:
         found += [d for effects, fit in beside for d in _factors(problem, plain, effects, fit, scale)]
+    found = [d for d in found if not d.misfit.at_one or d.explained > _ALONE]
     best = min(found, key=lambda d: d.score, default=None)
     prediction = beside[0][1].prediction if best is None else best.prediction
     z = np.abs(problem.keep * (problem.value - prediction) / prepared.noise.sigma)
