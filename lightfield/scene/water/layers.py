@@ -79,12 +79,13 @@ def layers_depth(
         Where they end, and where they begin.
     """
     depth: Array | float = 0.0
+    begin, end = np.asarray(from_y_m, float), np.asarray(y_m, float)
     if water.gradient_per_m2:
         depth = depth + water.gradient_per_m2 * path_up_gradient_m2(water, z_m, path_m)
     if water.height_gradient_per_m2:
-        depth = depth + water.height_gradient_per_m2 * 0.5 * (np.asarray(from_y_m) + y_m) * path_m
+        depth = depth + water.height_gradient_per_m2 * 0.5 * (begin + end) * path_m
     if water.bottom_layer_absorption_per_m:
-        part = part_in_bottom_layer(water, from_y_m, y_m)
+        part = part_in_bottom_layer(water, begin, end)
         depth = depth + water.bottom_layer_absorption_per_m * part * path_m
     if water.layer_absorption_per_m:
         depth = depth + water.layer_absorption_per_m * path_in_slab_m(water, z_m, path_m)
