@@ -116,9 +116,8 @@ def _transverse(layout: Layout) -> list[Array]:
     return out
 
 
-def _per_plane(layout: Layout) -> list[Array]:
-    """A free level and slow cosines across the beam at every distance and channel, fewer than its readings:
-    what is met exactly would never be an outlier."""
+def _per_plane(layout: Layout, fewer: bool) -> list[Array]:
+    """A free level and slow cosines across the beam at each distance and channel; fewer than its readings."""
     label = layout.plane_and_channel
     readings = np.bincount(label)
     count = len(readings)
@@ -129,7 +128,11 @@ def _per_plane(layout: Layout) -> list[Array]:
         if levels > 2:
             across += _cosines(coordinate, terms if levels >= _LONG_ROW else 1)
     shapes = [np.ones(layout.size), *across]
-    return [(label == k) * shape for k, n in enumerate(readings) for shape in shapes[: n - 1]]
+    return [
+        (label == k) * shape
+        for k, n in enumerate(readings)
+        for shape in (shapes[: n - 1] if fewer else shapes)
+    ]
 
 
 def _bumps(layout: Layout) -> list[Array]:
@@ -167,21 +170,27 @@ def _scans(layout: Layout) -> dict[str, list[Array]]:
 
 
 def smooth_unknowns(
-    layout: Layout, sigma: Array, prediction: Array, with_scans: bool = True
+    layout: Layout, sigma: Array, prediction: Array, rich: bool = False
 ) -> Mapping[str, Array]:
     """Readings' changes by unknown causes, each an array of shape (n, k), before whitening.
 
     "x", "plane", "time" are spans (any combination); "bump", "ripple", "step", "one plane" scans (any single
     column).
     Transverse unknowns are measured in units of the noise; those of time and of single places act as factors.
+
+    Parameters
+    ----------
+    rich : bool
+        Spans alone, beside which outliers are judged: at every distance fewer than its readings, for what is
+        met exactly would never be one.
     """
     factor = np.clip(prediction, 0, None)
-    spans: dict[str, list[Array]] = {"x": _transverse(layout), "plane": _per_plane(layout), "time": []}
+    spans: dict[str, list[Array]] = {"x": _transverse(layout), "plane": _per_plane(layout, rich), "time": []}
     if layout.has_time:
         spans["time"] = _cosines(
             layout.phase_of_scan, _TIME_TERMS if layout.size >= _MANY else _TIME_TERMS_OF_FEW
         )
-    scans = _scans(layout) if with_scans else {}
+    scans = {} if rich else _scans(layout)
     empty = np.zeros((layout.size, 0))
     out: dict[str, Array] = {}
     for name, columns in {**spans, **scans}.items():
@@ -190,10 +199,10 @@ def smooth_unknowns(
     return out
 
 
-def whitened_unknowns(problem: Problem, whiten: Whitener, with_scans: bool = True) -> dict[str, Array]:
+def whitened_unknowns(problem: Problem, whiten: Whitener, rich: bool = False) -> dict[str, Array]:
     """`smooth_unknowns` of the readings that are kept, whitened."""
     noise = whiten.noise
-    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction, with_scans)
+    raw = smooth_unknowns(problem.layout, noise.sigma, noise.prediction, rich)
     return {
         name: whiten(problem.keep[:, None] * columns).astype(whiten.kept_as, copy=False)
         for name, columns in raw.items()

@@ -49,7 +49,7 @@ class Kept(NamedTuple):
 
 
 def rich_of(problem: Problem, whiten: Whitener, fit: Fit, with_time: bool = True) -> Array:
-    unknowns = whitened_unknowns(problem, whiten, with_scans=False)
+    unknowns = whitened_unknowns(problem, whiten, rich=True)
     return rich_basis(fit, bank(problem, fit, whiten), unknowns, with_time)
 
 

@@ -99,7 +99,7 @@ def test_no_smooth_unknown_meets_a_plane_exactly() -> None:
     error, time = np.full(15, 0.01), 10.0 * np.arange(15)
     table = Readings.from_arrays(x_m=x, y_m=0 * x, z_m=z, value=np.ones(15), stderr=error, time_s=time)
     layout, ones = layout_of(table), np.ones(15)
-    found = smooth_unknowns(layout, ones, ones, with_scans=False)["plane"]
+    found = smooth_unknowns(layout, ones, ones, rich=True)["plane"]
     columns = {at: found[:, (found[z == at] != 0).any(axis=0)] for at in np.unique(z)}
     ranks = {at: int(np.linalg.matrix_rank(own)) if own.size else 0 for at, own in columns.items()}
     assert ranks[1.0] == 0 and ranks[1.5] == 1 and 1 <= ranks[2.0] <= 2 and ranks[3.0] == 2
