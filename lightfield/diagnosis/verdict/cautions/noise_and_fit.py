@@ -32,16 +32,6 @@ _NOTED_SCALE, _NOTED_SMALL, _NO_CHANCE, _LITTLE_CHANCE = 1.5, 0.4, 1e-3, 1e-2
 _NO_ERRORS = 100.0
 #: The one scattering coefficient that is fitted without a g of its own.
 _SETTLING = "water.settling_per_m"
-
-
-def variance_scale(prepared: Prepared, finding: SearchResult) -> float:
-    """Variance of the readings' errors over the quoted one: what is left beside what explains the readings
-    is noise, too. Errors that were raised here, as bands are no more alike, are not called too large."""
-    times = prepared.noise.budget.times_stated
-    scale = prepared.excess * finding.level.bench.phi * finding.scale * times**2
-    return scale if scale >= 1.0 else min(1.0, scale * prepared.raised)
-
-
 #: What is left is told to have an order where it is larger than the errors by no more than this. Chosen:
 #: beyond, a misfit is seen by eye.
 _HARDLY_LARGER = 1.3
@@ -52,6 +42,14 @@ _GOES_WITH = {
     "~ripple": "the angle, to and fro", "~step": "a moment of the scan, before and after",
     "~one plane": "one distance alone",
 }  # fmt: skip
+
+
+def variance_scale(prepared: Prepared, finding: SearchResult) -> float:
+    """Variance of the readings' errors over the quoted one: what is left beside what explains the readings
+    is noise, too. Errors that were raised here, as bands are no more alike, are not called too large."""
+    times = prepared.noise.budget.times_stated
+    scale = prepared.excess * finding.level.bench.phi * finding.scale * times**2
+    return scale if scale >= 1.0 else min(1.0, scale * prepared.raised)
 
 
 def cautions(
@@ -100,10 +98,12 @@ def ordered(prepared: Prepared, finding: SearchResult) -> list[Caution]:
     """Where nothing explains the readings, and what is left is hardly larger than their errors: which test it
     fails most."""
     level, closest = finding.level, finding.closest
-    fit, adequacy = (level.base, level.adequacy) if closest is None else (closest.fit, closest.adequacy)
+    fit, adequacy, test = level.base, level.adequacy, level.bench.test
+    if closest is not None and closest.adequacy is not None and closest.test is not None:
+        fit, adequacy, test = closest.fit, closest.adequacy, closest.test
     spare = max(int(prepared.problem.keep.sum()) - len(fit.u), 1)
-    times = float(np.sqrt(fit.chi2 / spare * level.bench.test.scale))
-    if adequacy is None or adequacy.p > ALPHA or not prepared.errors_stated or times > _HARDLY_LARGER:
+    times = float(np.sqrt(fit.chi2 / spare * test.scale))
+    if adequacy.p > ALPHA or not prepared.errors_stated or times > _HARDLY_LARGER:
         return []
     worst = min(adequacy.tests, key=lambda name: adequacy.tests[name])
     about = plain(worst[0]) if isinstance(worst, tuple) else _GOES_WITH[str(worst)]

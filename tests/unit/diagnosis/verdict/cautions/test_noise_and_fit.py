@@ -6,8 +6,10 @@ from types import SimpleNamespace as Some
 
 import numpy as np
 import pytest
-from analytic_readings import scene
+from analytic_readings import readings, scene
 
+from lightfield.diagnosis.adequacy.templates import smooth_unknowns
+from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.verdict.cautions.noise_and_fit import of_single_readings, ordered
 from lightfield.fitting import effects
@@ -61,3 +63,14 @@ def test_what_is_small_and_not_random_is_told_to_have_an_order(
     if told:
         assert "hardly larger than the errors (1 times)" in told[0].sentence
         assert f"goes with {about} (p = 2e-06; below 0.0001 is no chance)" in told[0].sentence
+
+
+def test_every_unknown_of_the_tests_has_words() -> None:
+    layout = layout_of(readings(layout="grid")[0])
+    known = smooth_unknowns(layout, np.ones(layout.size), np.ones(layout.size))
+    fit, prepared = Some(chi2=98.0, u=np.zeros(2)), Some(problem=Some(keep=np.ones(100)), errors_stated=True)
+    for name in [*known, "all"]:
+        adequacy = Some(p=0.001, tests={f"~{name}": 2e-6}, critical_p=1e-4)
+        level = Some(base=fit, adequacy=adequacy, bench=Some(test=Some(scale=1.0)))
+        (told,) = ordered(prepared, Some(level=level, closest=None))  # type: ignore[arg-type]
+        assert told.about
