@@ -13,7 +13,7 @@ from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.fitting.effects.local import local_unknowns, ripple_periods_s
+from lightfield.fitting.effects.local import local_unknowns, ripple_periods_s, turns_of_a_square
 from lightfield.fitting.effects.own import effects_of
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
@@ -21,6 +21,8 @@ from lightfield.readings.columns import LINE_DECIMALS
 
 #: Starts of a fit: along the readings, in width, in distance. Chosen: a tenth of a scan is met by one.
 _PLACES, _WIDTHS, _DISTANCES, _LEVELS, _LEAST = 21, 2, 3, 41, 1e-6
+#: The same of a power of the angle, with which corners of a beam grow; and for a first look. Chosen.
+_POWERS, _POWERS_AT_ONCE = 4, (2.0, 4.0)
 #: For a first look: widths of dips as parts of a scan, how many; steps at so many moments, and clouds between
 #: so many planes, at most. Chosen: a fit that looks closer begins where one of them shows.
 _PARTS, _SHAPES_WIDE, _MOST_STEPS, _MOST_EDGES = (0.02, 0.25), 5, 200, 6
@@ -88,8 +90,8 @@ def left_by_an_unknown(
 
 
 def _shapes(layout: Layout, signal: Array) -> Iterator[Array]:
-    """Steps with the reading and in time, dips along x, y and time, plumes that rise before all readings, and
-    clouds that pass, each of shape (n, k)."""
+    """Steps with the reading and in time, dips along x, y and time, plumes that rise before all readings,
+    clouds that pass, and four corners of a beam, each of shape (n, k)."""
     level = np.sort(signal)
     yield (signal[:, None] > (0.5 * (level[1:] + level[:-1]))[_some(len(level) - 1)]).astype(float)
     for at in (layout.x_m, layout.y_m, layout.x_m / layout.z_m, layout.y_m / layout.z_m):
@@ -100,6 +102,9 @@ def _shapes(layout: Layout, signal: Array) -> Iterator[Array]:
         dips, planes = _dips(layout.time_s), np.unique(np.round(layout.z_m, LINE_DECIMALS))
         for beyond in (-np.inf, *(0.5 * (planes[1:] + planes[:-1]))[_some(len(planes) - 1, _MOST_EDGES)]):
             yield dips * (layout.z_m > beyond)[:, None]
+    turn = turns_of_a_square(layout.x_m, layout.y_m)
+    outward = (layout.angle_rad / max(float(layout.angle_rad.max()), TINY))[:, None] ** _POWERS_AT_ONCE
+    yield np.hstack([np.cos(turn)[:, None] * outward, np.sin(turn)[:, None] * outward])
 
 
 def _dips(at: Array) -> Array:
@@ -147,4 +152,4 @@ def _starts(shape: FitParameter) -> Array:
         return np.geomspace(low, high, _LEVELS)
     if what in ("width", "duration"):
         return np.geomspace(low, high, _WIDTHS + 2)[1:-1]
-    return np.linspace(shape.low, high, _DISTANCES if what == "z0" else _PLACES)
+    return np.linspace(shape.low, high, {"z0": _DISTANCES, "power": _POWERS}.get(what, _PLACES))

@@ -10,7 +10,10 @@ from lightfield.readings.columns import PLACE_DECIMALS
 from lightfield.wording import plain
 
 #: Units of the coordinates that a misfit depends on, or that readings set aside share.
-UNITS = {"x": "m", "y": "m", "plane": "m", "angle": "degrees", "time": "minutes", "wavelength": "nm"}
+UNITS = {
+    "x": "m", "y": "m", "plane": "m", "angle": "degrees", "azimuth": "degrees", "time": "minutes",
+    "wavelength": "nm",
+}  # fmt: skip
 #: Digits of a fitted value to look it up, and to read on. Chosen: words alone.
 _DIGITS_TO_LOOK_UP, _DIGITS_TO_READ = 4, 3
 

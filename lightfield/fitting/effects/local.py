@@ -1,5 +1,5 @@
 """Local unknowns: a dip across the beam, a plume, a step, a dip or a ripple in time, a cloud that passes,
-ripples over angles, a gain that steps with the reading; few numbers each.
+ripples over angles, a beam with four corners, a gain that steps with the reading; few numbers each.
 
 What no named effect explains may be one of these: they say where it is, how wide and how large, not what.
 They are effects of the user's own, ready to be tested, renamed and made better. The shadow of a strut that
@@ -23,6 +23,18 @@ from lightfield.scene.own.own_effect import OwnEffect, OwnParameter, Stage
 FAMILY = "local unknown"
 #: What shades what passes through it, told where that is read at the farthest distance.
 PLUME, CLOUD = "plume", "passing_cloud"
+#: What makes a beam another one in every direction about its axis.
+SQUARE = "square_beam"
+#: The light of its sides and corners is within e to so much of that of a round beam where it is read farthest
+#: out, and grows with such a power of the angle: beyond, nothing would be left. Chosen.
+_CORNERS, _POWERS = 12.0, (1.0, 8.0)
+#: A square has so many sides. Derived.
+_SIDES = 4
+#: Turned by an eighth a square's sides are its corners: a cosine of four times the direction is known where
+#: it varies by so much. Chosen: half of all it can.
+_TURNS_SHOWN = 1.0
+#: Added to a squared distance from the axis, m^2, where its direction is asked. Derived: far below a reading.
+_ON_AXIS = "1e-12"
 #: Where a gain steps readings change from one to the other within this part of the level: sudden, and with a
 #: slope for a fit. So many readings at least are below and above. Chosen.
 _EDGE_OF_GAIN, _FEWEST_OF_GAIN = 0.03, 5
@@ -157,6 +169,8 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             laboratory="Read one place in both ranges, or with a known grey filter at the brightest.",
         )
     theta = np.degrees(angle_from_axis(readings.x_m, readings.y_m, readings.z_m))
+    if _shows_corners(readings):
+        yield _square(float(theta.max()))
     if periods_deg := _ripple_periods_deg(theta):
         yield _ripple(
             "ripple_over_angle", "source", "theta", "deg", periods_deg,
@@ -174,7 +188,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
 ALONG = {
     "dip_in_x": "x", "dip_in_y": "y", PLUME: "x", "step_in_time": "time",
     "dip_in_time": "time", CLOUD: "time", "ripple_over_angle": "angle",
-    "ripple_at_receiver": "angle", "ripple_in_time": "time", "gain_step": "signal",
+    "ripple_at_receiver": "angle", "ripple_in_time": "time", "gain_step": "signal", SQUARE: "azimuth",
 }  # fmt: skip
 
 
@@ -185,6 +199,37 @@ def _levels(readings: Readings) -> tuple[float, float] | None:
         return None
     low, high = value[_FEWEST_OF_GAIN] / value[-1], value[-_FEWEST_OF_GAIN] / value[-1]
     return (float(low), float(high)) if 0 < low < high else None
+
+
+def _shows_corners(readings: Readings) -> bool:
+    """Are there readings in directions about the axis that are alike in no square?"""
+    off = np.hypot(readings.x_m, readings.y_m) > _NARROWEST_M
+    four = turns_of_a_square(readings.x_m[off], readings.y_m[off])
+    return bool(off.any() and max(np.ptp(np.cos(four)), np.ptp(np.sin(four))) > _TURNS_SHOWN)
+
+
+def turns_of_a_square(x_m: Array, y_m: Array) -> Array:
+    """Direction about the axis, rad, so often that a square is the same again after 2 pi, shape (n,)."""
+    return np.asarray(_SIDES * np.arctan2(y_m, x_m))
+
+
+def _square(widest_deg: float) -> OwnEffect:
+    """A beam with four corners, about the tank's axis: which depart the more, the farther out."""
+    square = f"(x**2 + y**2 + {_ON_AXIS})**2"
+    sides, turned = f"(1 - 8*(x*y)**2/{square})", f"4*x*y*(x**2 - y**2)/{square}"
+    return OwnEffect(
+        name=SQUARE,
+        family=FAMILY,
+        stage="path",
+        formula=f"exp(-(a*{sides} + b*{turned})*(theta/{widest_deg:.4g})**power)",
+        parameters={
+            "a": _part(-_CORNERS, _CORNERS),
+            "b": _part(-_CORNERS, _CORNERS),
+            "power": OwnParameter(range=_POWERS, meaning="of the angle, with which the corners grow"),
+        },
+        physics="The lamp lights a square, as some LED modules and projectors do, or has four of something.",
+        laboratory="Look at its spot on a white wall; turn the lamp by 45 degrees and read again.",
+    )
 
 
 def ripple_periods_s(time_s: Array) -> tuple[float, float] | None:

@@ -139,6 +139,48 @@ def test_local_unknowns_are_those_that_readings_can_tell_of() -> None:
     assert local_unknowns(replace(still, value=np.ones(len(table.value)))) == ()
 
 
+def around(z_m: float, turns_deg: np.ndarray) -> np.ndarray:
+    """Places on a ring of 0.1 z at one distance, (n, 3)."""
+    turn = np.radians(turns_deg)
+    return np.stack([0.1 * z_m * np.cos(turn), 0.1 * z_m * np.sin(turn), np.full(len(turn), z_m)], axis=1)
+
+
+@pytest.mark.parametrize(("step_deg", "told"), [(90, False), (45, True), (30, True)])
+def test_four_corners_ask_for_more_than_a_cross(step_deg: int, told: bool) -> None:
+    x, y, z = around(2.0, np.arange(0, 360, step_deg)).T
+    table = Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=np.linspace(1, 2, len(x)))
+    assert ("square_beam" in [e.name for e in local_unknowns(table)]) == told
+
+
+def test_a_square_beam_is_told_beside_its_steepness() -> None:
+    """I = exp(-ln2 (tx^4 + ty^4) / hwhm^4): a super-Gaussian of exponent 4 all round, wider in its mean than
+    along its sides, times exp(-ln2/4 (theta/hwhm)^4 cos 4 phi)."""
+    places = np.linspace(-0.25, 0.25, 9)
+    x, y, z = np.array([(a * z, b * z, z) for z in (1.5, 2.5, 4.0) for a in places for b in places]).T
+    r, rng = np.sqrt(x * x + y * y + z * z), np.random.default_rng(2)
+    theta = np.degrees(np.arctan2(np.hypot(x, y), z))
+    share = np.hypot(x, y) + 1e-9
+    sides = (theta * x / share / 8.0) ** 4 + (theta * y / share / 8.0) ** 4
+    value = np.exp(-np.log(2) * sides - 0.08 * r) * z / r**3
+    sigma = np.hypot(0.004 * value, 2e-4 * value.max())
+    value = value + sigma * rng.standard_normal(len(value))
+    table = Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=value, stderr=sigma)
+    believed = Scene.from_dict({"lamp": {"hwhm_deg": 8.0}, "water": {"absorption_per_m": 0.1}})
+    verdict = diagnose(table, believed, diffuse=None, only=["beam_shape", "beam_skirt"], advise=False).verdict
+    assert (verdict.verdict, verdict.unexplained_coordinate) == ("unexplained", "azimuth")
+    assert "looks like a square beam" in verdict.sentence
+    best = verdict.left_over[0]
+    assert (best.name, best.beside, best.adequate) == ("square_beam", ["beam_shape"], True)
+    corners, turned, power = (best.parameters[name] for name in ("a", "b", "power"))
+    true = np.log(2) / 4 * (theta.max() / 8.0) ** 4
+    assert abs(corners.value - true) < 3 * corners.stderr
+    assert abs(turned.value) < 3 * turned.stderr
+    assert abs(power.value - 4.0) < 3 * power.stderr
+    # Drawn all round, brightest in the corners.
+    assert abs(best.at[int(np.argmax(best.factor))]) % 90 == pytest.approx(45, abs=2)
+    assert len(best.read_at) > 8
+
+
 @pytest.mark.slow
 def test_unexplained_readings_leave_hypotheses_that_explain_them(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

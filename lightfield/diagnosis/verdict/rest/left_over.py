@@ -27,7 +27,7 @@ from lightfield.diagnosis.verdict.ladder import bright, percent
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver
 from lightfield.diagnosis.verdict.rest.located import parameters_of
 from lightfield.diagnosis.verdict.trust import error_scale
-from lightfield.fitting.effects.local import ALONG, AMPLITUDES, CLOUD, PLUME
+from lightfield.fitting.effects.local import ALONG, AMPLITUDES, CLOUD, PLUME, SQUARE
 from lightfield.fitting.least_squares import Fit, Whiten
 from lightfield.readings import Readings
 from lightfield.scene.lamp.frame import angle_from_axis
@@ -43,6 +43,9 @@ _LEAST_REMOVED_PERCENT = 20.0
 _POINTS, _STEP = 121, 1e-5
 #: So many effects are left out, and so many added, of those of which a linear model promises most. Chosen.
 _TRIED = 2
+#: What goes round the beam's axis is drawn at the angle within which such a part of the bright readings lies,
+#: beside those whose angles differ from it by this part at most. Chosen: far out, where it is large.
+_RING, _RING_WIDTH = 0.75, 0.15
 #: Times are told in minutes. Chosen: words alone.
 _UNIT = {"time": 1 / 60}
 
@@ -166,7 +169,7 @@ def _record(
     own = next(e for e in forward.scene.effect if e.name == name)
     scale = max(phi, fit.chi2 / max(int(problem.keep.sum()) - len(fit.u), 1))
     mine = parameters_of(own, problem, fit, whiten, scale)
-    at, places, signal = _along(ALONG[name], forward.readings)
+    at, places, signal = _along(ALONG[name], forward.readings, _ring_deg(problem))
     factor, stderr = _curve(own, fit, scale, places, signal)
     read_at, read = _read(problem, forward.readings, fit, name)
     return LeftOver(
@@ -185,13 +188,23 @@ def _read(problem: Problem, readings: Readings, fit: Fit, name: str) -> tuple[Ar
     shown = np.asarray(bright(problem), bool) & (without > 0)
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
     angle, signal = np.degrees(angle_from_axis(x, y, z)), without / np.abs(without).max()
-    along = {"x": x, "y": y, "time": t, "angle": angle, "signal": signal}[ALONG[name]]
+    around = np.degrees(np.arctan2(y, x))
+    along = {"x": x, "y": y, "time": t, "angle": angle, "signal": signal, "azimuth": around}[ALONG[name]]
+    if name == SQUARE:
+        ring = _ring_deg(problem)
+        shown = shown & (np.abs(angle - ring) <= _RING_WIDTH * ring)
     if name in (PLUME, CLOUD):  # they shade what passes through them
         shown = shown & (z > values[f"effect.{name}.z0"])
     if name == PLUME:  # drawn at the farthest plane
         along = x * z.max() / z
         shown = shown & (along >= x.min()) & (along <= x.max())
     return along[shown], problem.value[shown] / without[shown]
+
+
+def _ring_deg(problem: Problem) -> float:
+    """The angle from the axis at which what goes round it is drawn, degrees."""
+    angle = np.degrees(problem.layout.angle_rad[bright(problem)])
+    return float(np.quantile(angle, _RING)) if angle.size else 0.0
 
 
 def without_it(fit: Fit, name: str) -> Array:
@@ -201,7 +214,7 @@ def without_it(fit: Fit, name: str) -> Array:
     return fit.model.forward.predict(fit.values | neutral)
 
 
-def _along(coordinate: str, readings: Readings) -> tuple[Array, Places, Array]:
+def _along(coordinate: str, readings: Readings, ring_deg: float) -> tuple[Array, Places, Array]:
     """Points along a coordinate within the readings, on the axis of the farthest plane otherwise, and the
     readings there over the largest."""
     x, y, z, t = (np.asarray(getattr(readings, k), float) for k in ("x_m", "y_m", "z_m", "time_s"))
@@ -212,6 +225,10 @@ def _along(coordinate: str, readings: Readings) -> tuple[Array, Places, Array]:
         value = np.asarray(readings.value, float)
         at = np.geomspace(value[value > 0].min() / value.max(), 1.0, _POINTS)
         return at, places, at
+    if coordinate == "azimuth":
+        turn, out = np.linspace(-np.pi, np.pi, _POINTS), far * np.tan(np.radians(ring_deg))
+        x, y = out * np.cos(turn), out * np.sin(turn)
+        return np.degrees(turn), places._replace(theta=ring_deg * one, x=x, y=y), one
     whole = {"x": x, "y": y, "time": t, "angle": theta}[coordinate]
     at = np.linspace(whole.min(), whole.max(), _POINTS)
     if coordinate == "angle":

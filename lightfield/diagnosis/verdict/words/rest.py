@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from lightfield.diagnosis.verdict.parts import Estimate, LeftOver, Misfit, Reason
 from lightfield.diagnosis.verdict.speech import UNITS, join, roughly
-from lightfield.fitting.effects.local import PLUME
+from lightfield.fitting.effects.local import PLUME, SQUARE
 from lightfield.wording import plain, rounded
 
 #: What formulas call the coordinates of a misfit, and their unit over that of the misfit: derived.
@@ -27,6 +27,8 @@ def about(misfit: Misfit | None) -> str:
     if misfit is None:
         return "it is not a function of one coordinate"
     if misfit.like is not None and misfit.period_deg is None and misfit.period_s is None:
+        if misfit.like == SQUARE:  # it is the same in four directions
+            return f"it looks like a {plain(misfit.like)}"
         name, unit = misfit.coordinate, UNITS.get(misfit.coordinate, "")
         where = f"{name} = {misfit.worst_at:.3g} {unit}".rstrip()
         # It shades what passes through it: its place along x is told where that is read.
