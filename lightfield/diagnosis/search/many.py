@@ -12,7 +12,15 @@ from lightfield.diagnosis.problem.problem import MANY
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.cascade import Level, SearchResult, level_for, with_base
 from lightfield.diagnosis.search.pool.answer import NAMED_FIRST
-from lightfield.diagnosis.search.pool.any_number import Data, Ends, Many, ground_about, never, search_many
+from lightfield.diagnosis.search.pool.any_number import (
+    FAR,
+    Data,
+    Ends,
+    Many,
+    ground_about,
+    never,
+    search_many,
+)
 from lightfield.diagnosis.search.pool.evidence import Weighing, evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -25,9 +33,6 @@ from lightfield.diagnosis.search.set_of_effects import FittedSet, ScoredSet, Set
 _ACCEPTED, _NEAR = 8, 12
 #: Sets whose chi-square differs by less, in units of the noise, fit as well. Chosen: one standard error.
 _AS_GOOD = 1.0
-#: Chi-square over that of the noise from which on a set misses the readings by far. Chosen: what lacks one of
-#: several effects leaves more; with half and twice ten campaigns have the same verdicts.
-FAR = 2.0
 
 
 def beyond_two(

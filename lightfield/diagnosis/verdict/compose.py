@@ -12,7 +12,7 @@ from lightfield.arrays import finite
 from lightfield.diagnosis.problem.setup import errors_believed
 from lightfield.diagnosis.problem.untestable import Hinders, Hindrance, Untestable
 from lightfield.diagnosis.search.cascade import SearchResult
-from lightfield.diagnosis.search.many import FAR
+from lightfield.diagnosis.search.pool.any_number import FAR
 from lightfield.diagnosis.search.preparation import Prepared
 from lightfield.diagnosis.search.told_apart import detection_limits, nearest_rival, unseen_effects
 from lightfield.diagnosis.verdict import verdict_data
