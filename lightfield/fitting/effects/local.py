@@ -25,9 +25,10 @@ FAMILY = "local unknown"
 PLUME, CLOUD = "plume", "passing_cloud"
 #: What makes a beam another one in every direction about its axis.
 SQUARE = "square_beam"
-#: The light of its sides and corners is within e to so much of that of a round beam where it is read farthest
-#: out, and grows with such a power of the angle: beyond, nothing would be left. Chosen.
-_CORNERS, _POWERS = 12.0, (1.0, 8.0)
+#: At half the angle that is read farthest out its corners are brighter than a round beam by e to so much at
+#: most, and that grows with such a power of the angle. Chosen: of exp(-ln2 (|x|^p + |y|^p) / hwhm^p), read to
+#: three half widths, it is 0.9 for p = 4 and 3.0 for p = 6. By no more than e^13: all that a formula may.
+_CORNERS, _POWERS, _BRIGHTEST = 6.0, (1.0, 8.0), 13
 #: A square has so many sides. Derived.
 _SIDES = 4
 #: Turned by an eighth a square's sides are its corners: a cosine of four times the direction is known where
@@ -170,7 +171,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
         )
     theta = np.degrees(angle_from_axis(readings.x_m, readings.y_m, readings.z_m))
     if _shows_corners(readings):
-        yield _square(float(theta.max()))
+        yield _square(0.5 * float(theta.max()))
     if periods_deg := _ripple_periods_deg(theta):
         yield _ripple(
             "ripple_over_angle", "source", "theta", "deg", periods_deg,
@@ -213,15 +214,15 @@ def turns_of_a_square(x_m: Array, y_m: Array) -> Array:
     return np.asarray(_SIDES * np.arctan2(y_m, x_m))
 
 
-def _square(widest_deg: float) -> OwnEffect:
+def _square(halfway_deg: float) -> OwnEffect:
     """A beam with four corners, about the tank's axis: which depart the more, the farther out."""
     square = f"(x**2 + y**2 + {_ON_AXIS})**2"
-    sides, turned = f"(1 - 8*(x*y)**2/{square})", f"4*x*y*(x**2 - y**2)/{square}"
+    corners, turned = f"(8*(x*y)**2/{square} - 1)", f"4*x*y*(x**2 - y**2)/{square}"
     return OwnEffect(
         name=SQUARE,
         family=FAMILY,
         stage="path",
-        formula=f"exp(-(a*{sides} + b*{turned})*(theta/{widest_deg:.4g})**power)",
+        formula=f"exp(min((a*{corners} + b*{turned})*(theta/{halfway_deg:.4g})**power, {_BRIGHTEST}))",
         parameters={
             "a": _part(-_CORNERS, _CORNERS),
             "b": _part(-_CORNERS, _CORNERS),

@@ -172,7 +172,7 @@ def test_a_square_beam_is_told_beside_its_steepness() -> None:
     best = verdict.left_over[0]
     assert (best.name, best.beside, best.adequate) == ("square_beam", ["beam_shape"], True)
     corners, turned, power = (best.parameters[name] for name in ("a", "b", "power"))
-    true = np.log(2) / 4 * (theta.max() / 8.0) ** 4
+    true = np.log(2) / 4 * (theta.max() / 2 / 8.0) ** 4
     assert abs(corners.value - true) < 3 * corners.stderr
     assert abs(turned.value) < 3 * turned.stderr
     assert abs(power.value - 4.0) < 3 * power.stderr
