@@ -185,9 +185,9 @@ class SearchResult:
 
     @property
     def in_doubt(self) -> ScoredSet | None:
-        """Of many effects, the nearest set without one that is one of several: what readings leave open."""
+        """Of many effects, the nearest set of others without one that is one of several: what stays open."""
         doubts = [e for e in self.many.evidence if e.level == Certainty.ONE_OF] if self.many else []
-        rivals = [(e.gap, e.rival) for e in doubts if e.rival is not None]
+        rivals = [(e.gap, e.rival) for e in doubts if e.rival is not None and e.rival.explanation]
         if not (self.beyond_two and rivals):
             return None
         _, rival = min(rivals, key=lambda one: one[0])

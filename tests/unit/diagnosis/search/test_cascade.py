@@ -216,7 +216,7 @@ def test_an_answer_hangs_on_no_number_that_was_chosen(
 
 
 def test_what_is_in_doubt_is_the_nearest_set_without_one_of_several() -> None:
-    """Not the second set, which may doubt what is certain."""
+    """Not the second set, which may doubt what is certain, nor none at all: advice parts what has names."""
     made = toy()
     answer = found(made, made.drawn(np.random.default_rng(1), odd=3.0))
     assert answer.in_doubt is None
@@ -232,3 +232,7 @@ def test_what_is_in_doubt_is_the_nearest_set_without_one_of_several() -> None:
     assert with_evidence(1).in_doubt is None
     doubted = with_evidence(3).in_doubt
     assert doubted is not None and doubted.names == ("fan",)
+    evidence[2].rival = FittedSet((), answer.level.base)
+    doubted = with_evidence(3).in_doubt
+    assert doubted is not None and doubted.names == ("dusk",)
+    assert with_evidence(1).in_doubt is None
