@@ -3,6 +3,7 @@ beginning of a sentence; words that are data as well."""
 
 from __future__ import annotations
 
+import math
 import re
 from enum import Enum
 
@@ -29,6 +30,18 @@ def capital(text: str) -> str:
 def rounded(value: float, digits: int = 2) -> str:
     """So many significant digits, written out below a million: 850, not 8.5e+02."""
     return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def with_error(value: float, error: float, digits: int = 2) -> str:
+    """A value with its error, both to the place of so many digits of the error: 3.96 ± 0.05, 0.00 ± 0.11.
+
+    An error that is not known is left out; beside one of zero, as beside none, a value has three digits.
+    """
+    if not (math.isfinite(value) and math.isfinite(error) and error > 0):
+        return f"{value:.3g}" + (" ± 0" if error == 0 else "")
+    to_first = math.floor(math.log10(float(f"{error:.{digits}g}")))
+    places = max(digits - 1 - to_first, 0)
+    return f"{round(value, places) + 0.0:.{places}f} ± {error:.{places}f}"
 
 
 def minus(number: str) -> str:

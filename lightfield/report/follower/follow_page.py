@@ -20,7 +20,7 @@ from lightfield.scene import Scene
 from lightfield.studies.following.metrics import COUNTED, METRICS, OF_DOCKING
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
-from lightfield.wording import capital, plain
+from lightfield.wording import capital, minus, plain, with_error
 
 #: Metrics of the table, beside those of docking.
 _SHOWN = (
@@ -160,4 +160,4 @@ def _cell(one: Followed, name: str) -> str:
 def _words(mean: float, off: float) -> str:
     if np.isnan(mean):
         return "never"
-    return f"{mean:.3g}" + (f" ± {off:.2g}" if np.isfinite(off) else "")
+    return minus(with_error(mean, off))
