@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.formula.own_formulas import lit
 from lightfield.render.backend import use_backend
@@ -222,7 +223,7 @@ def picture_dict(
         "sensor": {
             "type": "perspective",
             "fov": view_deg,
-            "to_world": mi.ScalarTransform4f().look_at(origin=eye, target=target, up=[0, 1, 0]),
+            "to_world": mi.ScalarTransform4f().look_at(origin=list(eye), target=list(target), up=[0, 1, 0]),
             "medium": inside,
             "film": {
                 "type": "hdrfilm",
@@ -237,7 +238,7 @@ def picture_dict(
     }
 
 
-def camera_pose(scene: Scene) -> tuple[list[float], list[float], float]:
+def camera_pose(scene: Scene) -> tuple[Array, Array, float]:
     """Eye, point looked at, horizontal angle of view: behind and above the lamp, which is in the picture."""
     far = float(max(scene.detector.planes_m, default=8.5))
     lamp = np.array([scene.lamp.offset_x_m, scene.lamp.offset_y_m, 0.0])
@@ -250,7 +251,7 @@ def camera_pose(scene: Scene) -> tuple[list[float], list[float], float]:
     to_lamp, to_end = lamp - eye, lamp + np.array([0, 0, far]) - eye
     to_lamp, to_end = to_lamp / np.linalg.norm(to_lamp), to_end / np.linalg.norm(to_end)
     between = degrees(acos(float(np.clip(to_lamp @ to_end, -1, 1))))
-    return list(eye), list(eye + to_lamp + to_end), float(np.clip(between + 26, 40, 115))
+    return eye, eye + to_lamp + to_end, float(np.clip(between + 26, 40, 115))
 
 
 def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
