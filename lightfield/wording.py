@@ -40,8 +40,9 @@ def with_error(value: float, error: float, digits: int = 2) -> str:
     if not (math.isfinite(value) and math.isfinite(error) and error > 0):
         return f"{value:.3g}" + (" ± 0" if error == 0 else "")
     to_first = math.floor(math.log10(float(f"{error:.{digits}g}")))
-    places = max(digits - 1 - to_first, 0)
-    return f"{round(value, places) + 0.0:.{places}f} ± {error:.{places}f}"
+    places = digits - 1 - to_first
+    first, second = (f"{round(v, places) + 0.0:.{max(places, 0)}f}" for v in (value, error))
+    return f"{first} ± {second}"
 
 
 def minus(number: str) -> str:
