@@ -19,6 +19,7 @@ from lightfield.studies.follower.design.compared import Arrays
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import Bound, is_told, with_doubt_in_words
 from lightfield.studies.follower.survey import DOCKING_ASKS, LOOKS_AWAY, Survey
+from lightfield.wording import minus
 
 _NOT_MODELLED = (
     "shadow and reflections of the follower itself, receivers that accept less than a half space, and light "
@@ -66,7 +67,7 @@ def bound_row(title: str, one: Bound) -> list[str]:
         shown = with_doubt_in_words(SHOWN[name][1] * sigma, one.doubt.get(name, 0.0))
         cells.append(shown if is_told(name, sigma) else "unknown")
     tied = one.correlation("x", "yaw") if "yaw" in one.names else np.nan
-    return [title, *cells, f"{tied:+.2f}" if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
+    return [title, *cells, minus(f"{tied:+.2f}") if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
 
 
 def survey_page(survey: Survey) -> str:
