@@ -27,7 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_option(parser, "--seed", 0)
     parser.add_argument(
-        "--as-is", action="store_true", help="lend nothing: black walls stay black, clear water stays clear"
+        "--as-is",
+        action="store_true",
+        help="lend nothing: black walls stay black, clear water stays clear, and edges undrawn",
     )
 
 

@@ -13,7 +13,7 @@ import xarray as xr
 from lightfield.commands.shared.options import add_option
 from lightfield.errors import OutputError
 from lightfield.memory import byte_size
-from lightfield.storage.files import locked_folder
+from lightfield.storage.files import locked_folder, write_text
 from lightfield.sweep.results import axes_of, chosen_cases, decoded, open_store
 from lightfield.sweep.zarrfile import size_on_disk
 
@@ -40,17 +40,19 @@ def _show(args: argparse.Namespace) -> int:
             remedy=f"`lightfield compare {args.store}` shows the maps of one scene",
         )
     from lightfield.report.follower.follow_figures import sweep_figures
+    from lightfield.report.follower.follow_page import follow_sweep_page
     from lightfield.report.style import save_png
     from lightfield.report.sweep import figures_of
     from lightfield.studies.following.sweep import QUANTITY
 
     draws: Callable[[xr.Dataset], dict[str, Any]] = figures_of
+    page: Callable[[xr.Dataset], str] | None = None
     try:
         data = open_store(args.store)
     except OutputError as error:
         if error.found != QUANTITY:
             raise
-        data, draws = open_store(args.store, QUANTITY), sweep_figures
+        data, draws, page = open_store(args.store, QUANTITY), sweep_figures, follow_sweep_page
     print(as_text(data, args.store))
     data = chosen_cases(data, args.case or [])
     figures = draws(data) if (data.status == 1).any() else {}
@@ -61,6 +63,8 @@ def _show(args: argparse.Namespace) -> int:
     with locked_folder(args.output or args.store.with_name(f"{args.store.stem}-figures")) as folder:
         for name, draw in figures.items():
             print(save_png(draw(data), folder / f"{name}.png"))
+        if page is not None:
+            print(write_text(folder / "index.html", page(data)))
     return 0
 
 

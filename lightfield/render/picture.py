@@ -15,11 +15,13 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from lightfield.arrays import Array
 from lightfield.errors import RenderError
 from lightfield.formula.own_formulas import lit
 from lightfield.render.backend import use_backend
 from lightfield.render.settings import PICTURE_PIXELS, PICTURE_SAMPLES
 from lightfield.render.shown_as import Shown, ShownAs
+from lightfield.render.tank_edges import edges_in_view
 from lightfield.scene import Scene
 from lightfield.scene.bands import over_band
 from lightfield.scene.lamp.frame import angles_about_axis, beam_axes
@@ -44,6 +46,8 @@ _MAX_DEPTH = 10
 _MIDDLE, _BELOW = 0.25, 0.8
 #: How far the brightest light goes from its colour to white (chosen).
 _PALEST = 0.5
+#: Grey of the tank's edges, sRGB, and how much of it is mixed in: light shows through it. Chosen.
+_LINE, _MIXED = 190.0, 0.5
 _SPARK, _SMOOTHING_PIXELS, _CALM = 5.0, (0.7, 1.2, 2.0, 3.0, 4.5), 0.06
 
 
@@ -59,11 +63,14 @@ class Picture:
         What was lent to the scene so that there is something to see, and what is not shown.
     wavelength_nm : array, shape (3,), nm
         That stand for red, green and blue.
+    edges : array, shape (height, width), optional
+        How much of a pixel is a line along the tank's edges, see `tank_edges`; they are no light.
     """
 
     rgb: np.ndarray
     notes: tuple[ShownAs, ...]
     wavelength_nm: np.ndarray
+    edges: np.ndarray | None = None
 
 
 def take_picture(
@@ -85,7 +92,8 @@ def take_picture(
     samples : int
         Paths per pixel and colour.
     lend : bool
-        Give black walls and clear water a little albedo and scattering, for else there is nothing to see.
+        Give black walls and clear water a little albedo and scattering, for else there is nothing to see, and
+        the tank's edges a line.
     progress : callable, optional
         Takes how far it is, in words.
 
@@ -144,7 +152,8 @@ def take_picture(
             halves.append(np.array(mi.render(loaded, spp=max(1, samples // 2), seed=2 * seed + half))[..., 0])
         image = calm(*halves)
         planes.append(image * power[k] / power.max())
-    return Picture(np.stack(planes, axis=-1), tuple(notes), rgb_nm)
+    edges = edges_in_view(scene.tank, *camera_pose(scene), (width, height)) if lend and scene.tank else None
+    return Picture(np.stack(planes, axis=-1), tuple(notes), rgb_nm, edges)
 
 
 def colours_of(lamp: Lamp) -> tuple[np.ndarray, np.ndarray]:
@@ -214,7 +223,7 @@ def picture_dict(
         "sensor": {
             "type": "perspective",
             "fov": view_deg,
-            "to_world": mi.ScalarTransform4f().look_at(origin=eye, target=target, up=[0, 1, 0]),
+            "to_world": mi.ScalarTransform4f().look_at(origin=list(eye), target=list(target), up=[0, 1, 0]),
             "medium": inside,
             "film": {
                 "type": "hdrfilm",
@@ -229,7 +238,7 @@ def picture_dict(
     }
 
 
-def camera_pose(scene: Scene) -> tuple[list[float], list[float], float]:
+def camera_pose(scene: Scene) -> tuple[Array, Array, float]:
     """Eye, point looked at, horizontal angle of view: behind and above the lamp, which is in the picture."""
     far = float(max(scene.detector.planes_m, default=8.5))
     lamp = np.array([scene.lamp.offset_x_m, scene.lamp.offset_y_m, 0.0])
@@ -242,7 +251,7 @@ def camera_pose(scene: Scene) -> tuple[list[float], list[float], float]:
     to_lamp, to_end = lamp - eye, lamp + np.array([0, 0, far]) - eye
     to_lamp, to_end = to_lamp / np.linalg.norm(to_lamp), to_end / np.linalg.norm(to_end)
     between = degrees(acos(float(np.clip(to_lamp @ to_end, -1, 1))))
-    return list(eye), list(eye + to_lamp + to_end), float(np.clip(between + 26, 40, 115))
+    return eye, eye + to_lamp + to_end, float(np.clip(between + 26, 40, 115))
 
 
 def _lamp(scene: Scene, mi: Any) -> dict[str, Any]:
@@ -321,6 +330,15 @@ def exposure(rgb: np.ndarray) -> float:
     bright = rgb.max(axis=-1)
     lit_part = bright[bright > 0]
     return float(_MIDDLE / np.quantile(lit_part, _BELOW)) if lit_part.size else 1.0
+
+
+def as_seen(taken: Picture) -> np.ndarray:
+    """The view in sRGB bytes, shape (height, width, 3), the tank's edges drawn into it."""
+    pixels = tone_mapped(taken.rgb)
+    if taken.edges is None:
+        return pixels
+    line = _MIXED * taken.edges[..., None]
+    return np.asarray(np.round(pixels + line * np.maximum(_LINE - pixels, 0.0)), np.uint8)
 
 
 def tone_mapped(rgb: np.ndarray) -> np.ndarray:

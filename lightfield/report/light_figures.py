@@ -14,7 +14,7 @@ from matplotlib.image import AxesImage
 from lightfield.arrays import Array, evenly
 from lightfield.maps.dataset import brightest
 from lightfield.maps.exr import write_rgb_exr
-from lightfield.render.picture import Picture, exposure, tone_mapped
+from lightfield.render.picture import Picture, as_seen, exposure
 from lightfield.report.style import MUTED, NARROW, SHORT_UNITS, extent_of, figure, save_pixels
 from lightfield.version import __version__
 from lightfield.wording import plain
@@ -94,6 +94,6 @@ def write_picture(taken: Picture, path: Path) -> tuple[Path, Path]:
         "lightfield_version": __version__,
     }
     return (
-        save_pixels(tone_mapped(taken.rgb), path),
+        save_pixels(as_seen(taken), path),
         write_rgb_exr(taken.rgb, exposure(taken.rgb), path, [str(note) for note in taken.notes], about),
     )

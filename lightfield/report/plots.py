@@ -15,7 +15,7 @@ from lightfield.arrays import Array, evenly
 from lightfield.diagnosis.verdict.parts import Rung
 from lightfield.errors import UsageError
 from lightfield.readings import Readings
-from lightfield.render.picture import Picture, tone_mapped
+from lightfield.render.picture import Picture, as_seen
 from lightfield.report.diagnosis.ladder import FAR_APART
 from lightfield.report.light_figures import light_map
 from lightfield.report.style import (
@@ -145,7 +145,7 @@ def plot_map(ax: Axes | None, plane: xr.Dataset) -> Axes:
 def plot_picture(ax: Axes | None, taken: Picture) -> Axes:
     """A camera view, exposed for the eye."""
     ax = axes_for(ax)
-    ax.imshow(tone_mapped(taken.rgb))
+    ax.imshow(as_seen(taken))
     ax.set_axis_off()
     ax.set_title("; ".join(map(str, taken.notes)), fontsize=8, fontweight="normal")
     return ax

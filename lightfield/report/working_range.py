@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
+from lightfield.arrays import Array
 from lightfield.report.page import Section, Table, page_figure, study_page
 from lightfield.report.style import (
     BAD,
@@ -21,8 +22,10 @@ from lightfield.report.style import (
     panels,
     percent_axis,
     plain_log_axis,
+    say_why_empty,
 )
 from lightfield.studies.compare.rings import SIGMAS
+from lightfield.studies.follower.information import NOTHING_M, NOTHING_RAD
 from lightfield.studies.working_range.reaches import POSE_RULES
 from lightfield.studies.working_range.study import WorkingRange
 from lightfield.studies.working_range.text import (
@@ -86,6 +89,10 @@ def fall_figure(found: WorkingRange, narrow: bool = False) -> Figure:
     return fig
 
 
+#: Beyond such errors nothing is known, by the unit.
+_NOTHING = {"m": NOTHING_M, "deg": float(np.degrees(NOTHING_RAD))}
+#: What is shown about what docking asks where nothing is known, in its multiples: less below, for the words.
+_ABOUT = 0.4, 10.0
 _TITLES = {"across": "Across the beam", "along": "Along the beam", "turned": "Yaw and pitch"}
 
 
@@ -98,12 +105,13 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
                 ("", RENDER, "gain known as the scene says"),
                 ("_relative", SERIES[2], "relative readings only"),
             ):
-                sigma = data[f"sigma_{name}{suffix}_{unit}"].values
+                sigma = _where_told(data[f"sigma_{name}{suffix}_{unit}"].values, unit)
                 error = SIGMAS * data[f"sigma_{name}{suffix}_stderr_{unit}"].values
                 banded(axis, z, sigma, error, least=1e-2, alpha=0.3, color=shade, label=words)
                 if found.traced:
-                    by_formula = data[f"sigma_{name}{suffix}_formula_{unit}"].values
+                    by_formula = _where_told(data[f"sigma_{name}{suffix}_formula_{unit}"].values, unit)
                     axis.plot(z, by_formula, color=shade, linestyle=DASH, alpha=0.7)
+            drawn = axis.get_lines()
             axis.axhline(limit, color=BAD, linewidth=1)
             axis.annotate(
                 f"asked: {limit:g} {unit}",
@@ -116,10 +124,18 @@ def pose_figure(found: WorkingRange, narrow: bool = False) -> Figure:
                 path_effects=[withStroke(linewidth=3, foreground="white")],
             )
             axis.set_yscale("log")
+            if not any(np.isfinite(line.get_ydata()).any() for line in drawn):
+                axis.set(xlim=(z[0], z[-1]), ylim=limit * np.array(_ABOUT))
+                say_why_empty(axis, "not known\nat any distance")
             plain_log_axis(axis.yaxis)
             label(axis, "z (m)", f"standard error ({unit})", _TITLES[name])
         legend_below(fig, axes[0], columns=1 if narrow else 4)
     return fig
+
+
+def _where_told(sigma: Array, unit: str) -> Array:
+    """Standard errors, NaN where nothing is known: drawn, they would be all that the axis shows."""
+    return np.where(sigma < _NOTHING[unit], sigma, np.nan)
 
 
 def range_page(found: WorkingRange) -> str:

@@ -109,6 +109,12 @@ def check_all_inside(detector: Detector, lamp: Lamp, follower: Follower | None, 
         if follower is not None:
             place = (follower.x_m, follower.y_m, follower.z_m)
             _check_place(place, tank, "move it, or enlarge the tank", {"follower": [*place]})
+            asked = follower.mission.standoff_m
+            if _STANDOFF in follower.mission.model_fields_set and asked > tank.box_m[2][1]:
+                found = {f"follower.mission.{_STANDOFF}": asked}
+                raise _outside(
+                    f"z <= {tank.box_m[2][1]:g}", 2, tank, found, "ask for less, or enlarge the tank"
+                )
     nearest = detector.distances_m[0]
     if nearest < lamp.least_distance_m:
         raise RuleError(

@@ -48,7 +48,7 @@ def rows(planes: Sequence[PlaneComparison]) -> list[list[str]]:
         [
             f"{plane.z_m:g}",
             plus_minus(plane.axis.render[0], plane.axis.stderr[0]),
-            plus_minus(100 * plane.axis_error, 100 * plane.axis_error_stderr, " %", sign=True),
+            _off_axis(plane),
             plus_minus(plane.render_spot.hwhm_m, plane.render_spot.stderr.get("hwhm_m", math.nan)),
             three_digits(plane.formula_spot.hwhm_m),
             plus_minus(plane.render_spot.ellipticity, plane.render_spot.stderr.get("ellipticity", math.nan)),
@@ -91,7 +91,7 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
         Global attributes of the data set: provenance and energy.
     """
     bands = []
-    for wavelength in comparison.wavelengths_nm:
+    for wavelength in (plane.wavelength_nm for plane in comparison.worst):
         planes = comparison.at(wavelength)
         key = f"w{wavelength:g}".replace(".", "p")
         figures = [
@@ -138,12 +138,21 @@ def comparison_page(comparison: Comparison, attributes: Mapping[str, Any]) -> st
         "compare.html",
         title=f"{comparison.scene.name or 'Scene'}: the formula against the render",
         verdict=in_a_sentence(comparison),
+        worst=[
+            (f"{plane.wavelength_nm:g} nm", _off_axis(plane), f"{plane.z_m:g} m")
+            for plane in comparison.worst
+        ],
         bands=bands,
         table_head=[f"{head} ({unit})" if head == "on the axis" else head for head in _HEAD],
         energy=energy_rows(attributes),
         provenance=[(text, attributes[name]) for name, text in _PROVENANCE.items() if name in attributes],
         scene_toml=attributes.get("scene_toml", ""),
     )
+
+
+def _off_axis(plane: PlaneComparison) -> str:
+    """How far the formula is off on the axis of a plane."""
+    return plus_minus(100 * plane.axis_error, 100 * plane.axis_error_stderr, " %", sign=True)
 
 
 def write_comparison(

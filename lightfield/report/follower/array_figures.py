@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 
 from lightfield.arrays import TINY
 from lightfield.report.style import (
@@ -66,6 +67,7 @@ def survey_figure(survey: Survey, narrow: bool = False) -> Figure:
                     ha="center",
                     fontsize=8,
                     rotation=90,
+                    path_effects=[withStroke(linewidth=2.5, foreground="white")],  # over the line
                 )
         bars.axhline(1, color=BAD, linestyle=DASH, label="what docking allows")
         bars.set_yscale("log")

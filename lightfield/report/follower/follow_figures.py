@@ -30,11 +30,14 @@ from lightfield.scene.lamp.width import stated_width_deg
 from lightfield.studies.following.metrics import METRICS
 from lightfield.studies.following.study import Followed
 from lightfield.sweep.results import axes_of
+from lightfield.wording import plain
 
 #: Frames of a strip, and rows of one figure.
 _FRAMES, _FEW_FRAMES, MOST_ROWS = 5, 3, 6
 #: Width and height of a frame, inches, about.
 _PANEL_INCHES = np.array([1.7, 0.9])
+#: Metrics of a sweep that stand beside each other, and the height of their panels, inches.
+_PANELS_ACROSS, _PANEL_HEIGHT = 3, 2.4
 #: Half widths of the lamp's beam that are drawn as light, the outer ones fainter.
 _FANS = ((2.0, 0.10), (1.4, 0.14), (1.0, 0.22))
 #: Widest beam that is drawn as one, degrees.
@@ -211,30 +214,51 @@ def _events_of(axis: Axes, mission: Mission) -> None:
 
 def sweep_figures(data: xr.Dataset) -> dict[str, Callable[..., Figure]]:
     """What to draw runs over parameters with, by the metric; only those that a case has."""
-    found = [name for name in METRICS if name in data and np.isfinite(data[name].values).any()]
-    return {name: partial(sweep_figure, metric=name) for name in found}
+    return {name: partial(sweep_figure, metric=name) for name in metrics_in(data)}
+
+
+def metrics_in(data: xr.Dataset) -> list[str]:
+    """Metrics that a case has."""
+    return [name for name in METRICS if name in data and np.isfinite(data[name].values).any()]
 
 
 def sweep_figure(data: xr.Dataset, metric: str, narrow: bool = False) -> Figure:
     """A metric over the first axis, a line for each step of the others; bars: standard errors."""
+    with panels(1, 3.8, narrow=narrow) as (fig, (axis,)):
+        _over_first(axis, data, metric)
+        if len(axes_of(data)) > 1:
+            axis.legend(title=", ".join(axes_of(data)[1:]), fontsize=8.5)
+    return fig
+
+
+def all_figure(data: xr.Dataset, metrics: Sequence[str], narrow: bool = False) -> Figure:
+    """Several metrics, a small panel each; lines as in `sweep_figure`."""
+    across = 1 if narrow else _PANELS_ACROSS
+    down = -(-len(metrics) // across)
+    with figure(*(NARROW if narrow else WIDTH, 0.3 + _PANEL_HEIGHT * down)) as fig:
+        every = fig.subplots(down, across, squeeze=False).ravel()
+        for axis, name in zip(every, metrics, strict=False):
+            _over_first(axis, data, name)
+        for axis in every[len(metrics) :]:
+            axis.set_axis_off()
+    return fig
+
+
+def _over_first(axis: Axes, data: xr.Dataset, metric: str) -> None:
     first, *others = axes_of(data)
     steps = data[first].values
     numbers = steps.dtype.kind in "fi"
     at = steps if numbers else np.arange(len(steps))
-    with panels(1, 3.8, narrow=narrow) as (fig, (axis,)):
-        for k, at_others in enumerate(np.ndindex(*(data.sizes[name] for name in others))):
-            one = data.isel(dict(zip(others, at_others, strict=True)))
-            name = ", ".join(str(data[n].values[i]) for n, i in zip(others, at_others, strict=True))
-            belief = name if name in _COLOURS else ""
-            error = np.nan_to_num(one[f"{metric}_stderr"].values)
-            axis.errorbar(
-                at, one[metric].values, error, marker="o", capsize=3, linestyle="-" if numbers else "none",
-                color=_COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
-            )  # fmt: skip
-        if not numbers:
-            axis.set_xticks(at, [str(step) for step in steps])
-        if others:
-            axis.legend(title=", ".join(others), fontsize=8.5)
-        unit = data[first].attrs.get("units", "")
-        label(axis, f"{first} ({unit})" if unit else first, f"{metric} ({data[metric].attrs['units']})")
-    return fig
+    for k, at_others in enumerate(np.ndindex(*(data.sizes[name] for name in others))):
+        one = data.isel(dict(zip(others, at_others, strict=True)))
+        name = ", ".join(str(data[n].values[i]) for n, i in zip(others, at_others, strict=True))
+        belief = name if name in _COLOURS else ""
+        error = np.nan_to_num(one[f"{metric}_stderr"].values)
+        axis.errorbar(
+            at, one[metric].values, error, marker="o", capsize=3, linestyle="-" if numbers else "none",
+            color=_COLOURS[belief] if belief else SERIES[k % len(SERIES)], label=name or None,
+        )  # fmt: skip
+    if not numbers:
+        axis.set_xticks(at, [str(step) for step in steps])
+    unit = data[first].attrs.get("units", "")
+    label(axis, f"{first} ({unit})" if unit else first, f"{plain(metric)} ({data[metric].attrs['units']})")

@@ -9,7 +9,9 @@ import xarray as xr
 
 from lightfield.report.follower.follow_figures import (
     MOST_ROWS,
+    all_figure,
     events_in_words,
+    metrics_in,
     strip_figure,
     sweep_figure,
     way_figure,
@@ -20,12 +22,13 @@ from lightfield.scene import Scene
 from lightfield.studies.following.metrics import COUNTED, METRICS, OF_DOCKING
 from lightfield.studies.following.study import Followed, Following
 from lightfield.sweep.results import axes_of
-from lightfield.wording import capital, plain
+from lightfield.wording import capital, minus, plain, with_error
 
 #: Metrics of the table, beside those of docking.
 _SHOWN = (
     "standoff", "across_rms", "yaw_rms", "belief_less_truth", "belief_scatter", "nearest", "doubtful",
 )  # fmt: skip
+_STANDOFF = "follower.mission.standoff_m"
 #: Shown where they are not zero, or exist.
 _ON_OCCASION = ("standoff_at_end", "overshoot", "without_light", "lost", "back_after", "outside")
 
@@ -111,35 +114,73 @@ def _run_by(one: Followed) -> str:
 def follow_sweep_page(data: xr.Dataset) -> str:
     """The page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
     scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
-    mission = scene.follower_here.mission
-    runs = int(data.attrs["runs"])
-    metric = "docked" if mission.task == "dock" else "standoff"
+    metric = _first_asked(scene)
     unit, meaning = METRICS[metric]
-    shown = [name for name in METRICS if name in data and np.isfinite(data[name].values).any()]
+    shown = [name for name in metrics_in(data) if name == metric or np.nan_to_num(data[name].values).any()]
     rows = []
     for steps in np.ndindex(*(data.sizes[name] for name in axes)):
         one = data.isel(dict(zip(axes, steps, strict=True)))
         cells = [_words(float(one[name]), float(one[f"{name}_stderr"])) for name in shown]
         failed = str(one.message.values)
-        where = ", ".join(f"{data[name].values[k]}" for name, k in zip(axes, steps, strict=True))
-        rows.append([where, *(cells if not failed else [failed, *[""] * (len(shown) - 1)])])
-    done = int((data.status == 1).sum())
-    verdict = f"{done} of {data.status.size} cases over {', '.join(axes)}: {meaning}."
+        where = [f"{data[name].values[k]}" for name, k in zip(axes, steps, strict=True)]
+        rows.append([*where, *(cells if not failed else [failed, *[""] * (len(shown) - 1)])])
+    mean = f"Mean of {int(data.attrs['runs'])} runs ± its standard error."
+    beside = [name for name in shown if name != metric]
+    none = [plain(name) for name in metrics_in(data) if name not in shown]
     sections = [
         section(
-            f"{capital(metric)} over {axes[0]}",
+            f"{capital(plain(metric))} over {axes[0]}",
             [
                 page_figure(
                     "sweep", f"{capital(meaning)} ({unit}); bars: standard errors of the mean.",
                     "A metric over parameters", sweep_figure, data, metric,
                 )
             ],
-            f"Mean of {runs} runs ± its standard error.",
-            [", ".join(axes), *(f"{plain(n)} ({METRICS[n][0]})" for n in shown)],
-            rows,
-        )
+        ),
+        Section(
+            "All that was measured",
+            [
+                page_figure(
+                    "all", "The other numbers of the same runs; colours and bars as above.",
+                    "All metrics over parameters", all_figure, data, beside,
+                )
+            ] if beside else [],
+            text=["; ".join(f"{plain(n)}: {METRICS[n][1]}" for n in shown) + "."],
+            tables=[
+                Table(
+                    mean + (f" Zero in every case: {', '.join(none)}." if none else ""),
+                    [*(plain(name.rpartition(".")[2]) for name in axes),
+                     *(f"{plain(n)} ({METRICS[n][0]})" for n in shown)],
+                    rows,
+                )
+            ],
+        ),
     ]  # fmt: skip
-    return page("Following over parameters", verdict, [], sections, scene)
+    return page("Following over parameters", _sweep_verdict(data, metric), [], sections, scene)
+
+
+def _first_asked(scene: Scene) -> str:
+    """The metric that a mission is about."""
+    return "docked" if scene.follower_here.mission.task == "dock" else "standoff"
+
+
+def _sweep_verdict(data: xr.Dataset, metric: str) -> str:
+    """Least and largest of a metric over the cases, and where; how many were run."""
+    axes, values = axes_of(data), data[metric].values
+    done = f"{int((data.status == 1).sum())} of {data.status.size} cases"
+    if not np.isfinite(values).any():
+        return f"{done}: no {plain(metric)} to tell."
+    ends, unit = [], "" if METRICS[metric][0] == "1" else f" {METRICS[metric][0]}"
+    for flat in (np.nanargmin(values), np.nanargmax(values)):
+        at = np.unravel_index(flat, values.shape)
+        steps = zip(axes, at, strict=True)
+        where = ", ".join(f"{plain(name.rpartition('.')[2])} {data[name].values[k]}" for name, k in steps)
+        mean = _words(float(values[at]), float(data[f"{metric}_stderr"].values[at]))
+        ends.append(f"{mean}{unit} ({where})")
+    mission = Scene.from_toml(data.attrs["scene_toml"]).follower_here.mission
+    alike = metric == "standoff" and _STANDOFF not in axes
+    goal = f"asked for {mission.standoff_m:g} m: " if alike else ""
+    return capital(f"{goal}{plain(metric)} from {ends[0]} to {ends[1]}; {done}.")
 
 
 def _matters(one: Followed, name: str) -> bool:
@@ -160,4 +201,4 @@ def _cell(one: Followed, name: str) -> str:
 def _words(mean: float, off: float) -> str:
     if np.isnan(mean):
         return "never"
-    return f"{mean:.3g}" + (f" ± {off:.2g}" if np.isfinite(off) else "")
+    return minus(with_error(mean, off))

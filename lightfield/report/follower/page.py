@@ -17,8 +17,9 @@ from lightfield.report.page import PageFigure, Section, SideBySide, Table, page_
 from lightfield.scene import Scene
 from lightfield.studies.follower.design.compared import Arrays
 from lightfield.studies.follower.frames import in_degrees
-from lightfield.studies.follower.information import Bound, doubt_in_words, is_told
+from lightfield.studies.follower.information import Bound, is_told, with_doubt_in_words
 from lightfield.studies.follower.survey import DOCKING_ASKS, LOOKS_AWAY, Survey
+from lightfield.wording import minus
 
 _NOT_MODELLED = (
     "shadow and reflections of the follower itself, receivers that accept less than a half space, and light "
@@ -63,12 +64,10 @@ def bound_row(title: str, one: Bound) -> list[str]:
     """Standard deviations, the correlation of x and yaw, and the sum of variances."""
     cells = []
     for name, sigma in one.sigma.items():
-        doubt = one.doubt.get(name, 0.0)
-        known = is_told(name, sigma)
-        shown = f"{SHOWN[name][1] * sigma:.3g}" if known else "unknown"
-        cells.append(shown + (doubt_in_words(doubt) if known else ""))
+        shown = with_doubt_in_words(SHOWN[name][1] * sigma, one.doubt.get(name, 0.0))
+        cells.append(shown if is_told(name, sigma) else "unknown")
     tied = one.correlation("x", "yaw") if "yaw" in one.names else np.nan
-    return [title, *cells, f"{tied:+.2f}" if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
+    return [title, *cells, minus(f"{tied:+.2f}") if np.isfinite(tied) else "–", f"{one.criteria['A']:.3g}"]
 
 
 def survey_page(survey: Survey) -> str:
@@ -95,8 +94,9 @@ def survey_page(survey: Survey) -> str:
                     survey,
                 )
             ],
-            "One standard deviation of the best unbiased estimate from one reading of all elements. A: sum "
-            "of the variances in units of 1 cm across, 10 cm along, 1 degree.",
+            "One standard deviation of the best unbiased estimate from one reading of all elements, ± error "
+            "of the trace where there is one. A: sum of the variances in units of 1 cm across, 10 cm along, "
+            "1 degree.",
             ["where", *(f"{WORDS[n]} ({SHOWN[n][0]})" for n in survey.here.names), "x with yaw", "A"],
             rows,
         ),

@@ -12,7 +12,7 @@ from lightfield.studies.follower.calibration import CLEAR_PER_M
 from lightfield.studies.follower.estimation.sequence import Poses
 from lightfield.studies.follower.frames import in_degrees
 from lightfield.studies.follower.information import is_told
-from lightfield.wording import capital, minus
+from lightfield.wording import capital, minus, with_error
 
 #: Samples that a table shows.
 _MOST_ROWS = 40
@@ -26,7 +26,7 @@ def bias_page(study: BiasStudy) -> str:
         for name in axis.calibration.values:
             one = axis.sel(scattering_per_m=b, calibration=name)
             cells = [
-                minus(f"{1e3 * v:+.0f} ± {1e3 * s:.0f} ± {1e3 * t:.0f}")
+                minus(f"{round(1e3 * v):+d} ± {1e3 * s:.0f} ± {1e3 * t:.0f}")
                 if is_told("z", max(abs(v), s))
                 else "not determined"
                 for v, s, t in zip(one.bias_z.values, one.sigma_z.values, one.trace_z.values, strict=True)
@@ -112,7 +112,7 @@ def poses_page(poses: Poses) -> str:
             continue
         values = dict(zip(("x", "y", "z", "yaw", "pitch", "roll"), in_degrees(one.pose), strict=True))
         cells = [
-            f"{values[n]:.3f} ± {s if n in 'xyz' else np.degrees(s):.3f}" if is_told(n, s) else "unknown"
+            minus(with_error(values[n], s if n in "xyz" else np.degrees(s))) if is_told(n, s) else "unknown"
             for n, s in one.total.sigma.items()
         ]
         state = one.status

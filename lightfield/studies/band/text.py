@@ -9,10 +9,12 @@ import numpy as np
 from lightfield.arrays import jsonable
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 from lightfield.studies.band.study import CRITERIA, FLAT, PAPER_BAND, Bands, BestBand
-from lightfield.wording import capital
+from lightfield.wording import capital, with_error
 
 #: A share of an attenuation that is none.
 _UNTOLD = "no share to tell"
+#: Least error of a share that is told: none is as small (chosen).
+_LEAST_SHARE_ERROR = 1e-3
 
 
 def as_text(found: Bands) -> str:
@@ -47,8 +49,13 @@ def headline(found: Bands) -> str:
     return (
         f"In the scene's water {signal.low_nm:g} to {signal.high_nm:g} nm has the most signal of any band "
         f"{found.width_nm:g} nm wide from {low:g} to {high:g} nm at {signal.z_m:g} m; "
-        f"{of_the_scene(found)}{wide}, {origin(found)}, has {100 * signal.scene_share:.0f} % of it."
+        f"{of_the_scene(found)}{wide}, {origin(found)}, has {_of_it(signal.scene_share)}."
     )
+
+
+def _of_it(share: float) -> str:
+    """A share; a band that is wider than those it is beside may have more than each of them."""
+    return f"{share:.3g} times as much" if share > 1 else f"{100 * share:.0f} % of it"
 
 
 def of_the_scene(found: Bands) -> str:
@@ -109,10 +116,13 @@ def _share(best: BestBand) -> str:
     """In per cent, with its error where light was traced; an attenuation over the least."""
     if not np.isfinite(best.scene_share):
         return _UNTOLD
-    error = f" ± {max(100 * best.scene_share_stderr, 0.1):.1f}" if best.scene_share_stderr > 0 else ""
     if best.criterion == "attenuation":
         return f"{1 / best.scene_share:.3g} times as much"
-    return f"{100 * best.scene_share:.0f}{error} %"
+    share, known = best.scene_share, best.scene_share_stderr > 0
+    error = max(best.scene_share_stderr, _LEAST_SHARE_ERROR) if known else np.nan
+    if share > 1:
+        return f"{with_error(share, error, 1)} times as much"
+    return f"{with_error(100 * share, 100 * error, 1)} %"
 
 
 def as_data(found: Bands) -> dict[str, Any]:

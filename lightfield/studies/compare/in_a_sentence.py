@@ -19,7 +19,7 @@ _NO_PERCENT = "0.0 %"
 
 def in_a_sentence(comparison: Comparison) -> str:
     """One plain sentence: how much light the formula loses, and up to where it can be trusted; of several
-    wavelengths at the brightest."""
+    wavelengths at the brightest, and how far off it is at the worst."""
     planes = comparison.at(comparison.brightest_nm)
     lit = [plane for plane in planes if plane.is_lit]
     if not lit:
@@ -31,7 +31,17 @@ def in_a_sentence(comparison: Comparison) -> str:
     if len(comparison.wavelengths_nm) > 1:
         lost = f"at {first.wavelength_nm:g} nm, {lost}"
     there = _told_on_axis(lit, "every lit plane" if dark else "every plane")
-    return f"{capital(lost)}; {there}; {_told_off_axis(last)}.{unknown}"
+    return f"{capital(lost)}; {there}; {_told_off_axis(last)}.{_told_of_the_worst(comparison)}{unknown}"
+
+
+def _told_of_the_worst(comparison: Comparison) -> str:
+    """Of several wavelengths the one at which the formula is farthest off, where it is not the brightest."""
+    worst = comparison.worst[0]
+    if worst.wavelength_nm == comparison.brightest_nm or not worst.surely_off:
+        return ""
+    side = "low" if worst.axis_error < 0 else "high"
+    off = f"{_percent(abs(worst.axis_error))} too {side} on the axis at {worst.z_m:g} m"
+    return f" Worst at {worst.wavelength_nm:g} nm: {off}."
 
 
 def _told_of_light(first: PlaneComparison, last: PlaneComparison) -> str:

@@ -109,6 +109,12 @@ class PlaneComparison:
         render, formula = self.axis.render[0], self.axis.formula[0]
         return float(formula / render * self.axis.stderr[0] / render) if render > 0 else float("nan")
 
+    @property
+    def surely_off(self) -> float:
+        """Size of `axis_error` less what noise may make of it; zero where it tells nothing."""
+        off = abs(self.axis_error) - SIGMAS * self.axis_error_stderr if self.is_lit else 0.0
+        return max(off, 0.0) if np.isfinite(off) else 0.0
+
     def smooth_excess(self) -> Array:
         """Relative error beyond Monte Carlo error in every cell, shape (n_y, n_x), of averages over
         neighbouring cells (Gaussian): contours that noise does not tear."""
@@ -215,6 +221,13 @@ class Comparison:
         """The wavelength of which most light was rendered."""
         light = {nm: sum(float(np.nansum(p.render)) for p in self.at(nm)) for nm in self.wavelengths_nm}
         return max(light, key=lambda nm: light[nm])
+
+    @property
+    def worst(self) -> tuple[PlaneComparison, ...]:
+        """Of every wavelength the plane on whose axis the formula is most surely off, the worst first; the
+        nearest where none tells."""
+        each = [max(self.at(nm), key=lambda plane: plane.surely_off) for nm in self.wavelengths_nm]
+        return tuple(sorted(each, key=lambda plane: -plane.surely_off))
 
     def at(self, wavelength_nm: float) -> list[PlaneComparison]:
         """Planes at one of the wavelengths, near to far."""

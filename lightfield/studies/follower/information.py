@@ -22,6 +22,7 @@ from lightfield.scene import Scene
 from lightfield.studies.follower.array_light import DARK, LAMP_TILTS, ArrayModel
 from lightfield.studies.follower.array_noise import PERCENT, SensorNoise
 from lightfield.studies.follower.frames import POSE, in_degrees, printed, with_units
+from lightfield.wording import with_error
 
 #: Errors that a task feels alike, m and rad: 1 cm across, 10 cm along the beam, 1 degree (chosen).
 TASK_UNITS = dict(zip(POSE, (0.01, 0.01, 0.1, *np.radians([1.0, 1.0, 1.0])), strict=True))
@@ -34,6 +35,8 @@ LEAST_INFORMATION = 1e-4
 #: Errors from which on nothing is known, m and rad: a place to 100 m (see above), and an angle as one that
 #: may be any: 360 degrees over the root of 12.
 NOTHING_M, NOTHING_RAD = 100.0, 2 * np.pi / 12**0.5
+#: Least relative error of the trace that is told: none is as small (chosen).
+_LEAST_DOUBT = 1e-3
 #: Prior, by its standard deviation, of a coordinate that is not known at all.
 UNKNOWN = np.inf
 
@@ -119,9 +122,7 @@ class Bound:
         """One line."""
         x, y, z, yaw, pitch, _ = in_degrees(self.pose)
         known = ", ".join(
-            sigma_in_words(name, value)
-            + (f" ± {100 * self.doubt[name]:.0f} %" if self.doubt.get(name) and is_told(name, value) else "")
-            for name, value in self.sigma.items()
+            sigma_in_words(name, value, self.doubt.get(name, 0.0)) for name, value in self.sigma.items()
         )
         return f"x {x:g}, y {y:g}, z {z:g} m, yaw {yaw:g}, pitch {pitch:g} deg: {known}"
 
@@ -131,11 +132,12 @@ def is_told(name: str, sigma: float) -> bool:
     return bool(sigma < (NOTHING_M if name in POSE[:3] else NOTHING_RAD))
 
 
-def sigma_in_words(name: str, sigma: float) -> str:
-    """A coordinate with its standard deviation, m or rad."""
+def sigma_in_words(name: str, sigma: float, doubt: float = 0.0) -> str:
+    """A coordinate with its standard deviation, m or rad, and the relative error that the trace leaves it."""
     if not is_told(name, sigma):
         return f"{name} unknown"
-    return f"{name} {1000 * sigma:.3g} mm" if name in POSE[:3] else f"{name} {np.degrees(sigma):.3g} deg"
+    unit, size = ("mm", 1e3 * sigma) if name in POSE[:3] else ("deg", float(np.degrees(sigma)))
+    return f"{name} {with_doubt_in_words(size, doubt)} {unit}"
 
 
 def bound(
@@ -161,9 +163,9 @@ def bound(
     return bounds_together(model, np.asarray(pose)[None], names, noise, nuisances)[0]
 
 
-def doubt_in_words(doubt: float) -> str:
-    """A relative error of the trace as it stands behind a number; nothing where nothing was traced."""
-    return f" ± {max(100 * doubt, 0.1):.2g} %" if doubt else ""
+def with_doubt_in_words(size: float, doubt: float) -> str:
+    """A number in its unit, with what a relative error of the trace makes of it where anything was traced."""
+    return with_error(size, max(doubt, _LEAST_DOUBT) * size, 1) if doubt else f"{size:.3g}"
 
 
 def with_doubt(

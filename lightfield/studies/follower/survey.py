@@ -39,6 +39,8 @@ LOOKS_AWAY = (
     "normal of the array looks at it with nz below 0."
 )
 
+#: A bound whose error of the trace is this part of it tells of the trace, not of the array (chosen).
+_NOISE = 0.5
 #: Coordinates that may do the same to readings: a step aside, and a turn that way.
 _ALIKE = (("x", "yaw"), ("y", "pitch"))
 
@@ -203,7 +205,7 @@ def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: 
         pair
         for pair in _ALIKE
         if any(
-            not any(is_told(name, one.sigma[name]) for name in pair) and _told_alone(one, pair, model, noise)
+            not any(_is_known(one, name) for name in pair) and _told_alone(one, pair, model, noise)
             for one in (here, *axis)
         )
     )
@@ -218,6 +220,11 @@ def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: 
         bool(photons),
         tied,
     )
+
+
+def _is_known(one: Bound, name: str) -> bool:
+    """Is a coordinate known, by more than noise of the trace, which looks like information?"""
+    return is_told(name, one.sigma[name]) and one.doubt.get(name, 0.0) < _NOISE
 
 
 def _told_alone(one: Bound, pair: tuple[str, str], model: ArrayModel, noise: SensorNoise) -> bool:

@@ -10,6 +10,7 @@ from lightfield.arrays import Array, Mask
 from lightfield.scene.follower import Mission
 from lightfield.studies.follower.survey import DOCKING
 from lightfield.studies.following.loop import CONE, Track
+from lightfield.wording import with_error
 
 #: Part of a run after which it counts as settled (chosen; a third, as the leader then has turned once).
 _SETTLED = 1 / 3
@@ -83,10 +84,7 @@ class OverRuns:
 
     def __str__(self) -> str:
         """Mean ± scatter, to two digits of the scatter."""
-        if not np.isfinite(self.scatter):
-            return f"{self.mean:.3g}"
-        digits = int(np.clip(2 - np.floor(np.log10(self.scatter)) - 1, 0, 4)) if self.scatter > 0 else 2
-        return f"{self.mean:.{digits}f} ± {self.scatter:.{digits}f}"
+        return with_error(self.mean, self.scatter)
 
     @classmethod
     def of(cls, values: Array) -> OverRuns:

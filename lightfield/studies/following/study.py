@@ -239,7 +239,7 @@ class Followed:
                 text = f"{one} {unit}"
                 if np.isfinite(one.error):
                     text += f" (mean ± {one.error:.2g})"
-            lines.append(f"  {plain(name):<18} {text:<32} {meaning}")
+            lines.append(f"  {plain(name):<18} {text:<36} {meaning}")
         return "\n".join(lines)
 
     def dataset(self) -> xr.Dataset:

@@ -207,3 +207,13 @@ def test_panes_and_their_reflectance_change_together() -> None:
     assert half.with_values({"tank.panes": "none"}).pane_reflectance == 0.0
     assert Scene.from_toml(half.to_toml()) == half
     assert scene_of(PAINTED).digest() != scene_of({}).digest() == scene_of({"panes": "none"}).digest()
+
+
+def test_no_distance_is_kept_beyond_the_end_of_the_tank() -> None:
+    """A follower that was to keep 40 m in a tank of 10 m ran, and lost its way in each of four runs."""
+    tank = {"length_m": 10.0, "behind_lamp_m": 0.5}
+    asked = {"tank": tank, "follower": {"z_m": 4.0, "mission": {"standoff_m": 40.0}}}
+    with pytest.raises(SceneError, match=r"standoff_m.* = 40.0; rule: nothing is outside the tank, z <= 9.5"):
+        Scene.from_dict(asked)
+    asked["follower"] = {"z_m": 4.0, "mission": {"standoff_m": 9.0}}
+    assert Scene.from_dict(asked).follower_here.mission.standoff_m == 9.0

@@ -31,11 +31,11 @@ from lightfield.studies.follower.elements import Elements, elements_of
 from lightfield.studies.follower.frames import poses_on_axis
 from lightfield.studies.follower.information import (
     TASK_UNITS,
-    doubt_in_words,
     is_told,
     jackknife,
     nuisances_of,
     sigma_in_words,
+    with_doubt_in_words,
 )
 from lightfield.studies.follower.survey import array_of
 
@@ -164,7 +164,7 @@ class JudgedArray:
     @property
     def told_criterion(self) -> str:
         """A with its error; unknown where a coordinate is."""
-        return "unknown" if not self.is_told else f"{self.criterion:.3g}{doubt_in_words(self.doubt)}"
+        return "unknown" if not self.is_told else with_doubt_in_words(self.criterion, self.doubt)
 
 
 def judged_array(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:

@@ -25,6 +25,7 @@ from lightfield.studies.follower.information import Bound, bound_pair, is_told, 
 from lightfield.studies.follower.pose_search import Minima, box_of, find_minima, starts_in
 from lightfield.studies.follower.rival_poses import RivalPose, distinct, nearest_alike, others
 from lightfield.studies.follower.survey import array_of
+from lightfield.wording import with_error
 
 #: Poses a first search starts from: one in every eighth of the formation space.
 _FIRST_STARTS = 8
@@ -124,7 +125,7 @@ class PoseEstimate:
                 words.append(f"{name} unknown")
             elif name in sigma:
                 unit, s = ("m", sigma[name]) if name in POSE[:3] else ("deg", np.degrees(sigma[name]))
-                words.append(f"{name} {value:.3f} ± {s:.3f} {unit}")
+                words.append(f"{name} {with_error(value, s)} {unit}")
         tested = len(self.total.readings) > len(sigma)
         fit = (
             f"chi2 {self.chi2:.0f}, probability {self.probability:.2g}"

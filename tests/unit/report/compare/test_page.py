@@ -4,6 +4,7 @@ import re
 from html.parser import HTMLParser
 from io import StringIO
 
+import numpy as np
 import pytest
 from rich.console import Console
 
@@ -161,3 +162,22 @@ def test_many_planes_are_not_all_drawn_and_that_is_said(make, light):
     narrow = maps_figure(several.planes, several.units, several.quantity, narrow=True)
     assert "3 of 8 planes" in narrow.get_supxlabel()
     assert len([axis for axis in narrow.axes if axis.images]) == 9
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_the_worst_band_comes_first(make, light):
+    """Bands stood by wavelength: the one that matters was the last of six, and nowhere named."""
+    dataset = to_dataset(
+        make(pixels=9, planes=(4.5, 8.5), noise=1e-3, detector__bands_nm=[[500, 550], [600, 650]])
+    )
+
+    def dim_in_red(scene, x, y, z, wavelength):
+        return light(scene, x, y, z) * (0.7 if np.mean(wavelength.wavelength_nm) > 600 else 0.99)
+
+    comparison = compare(dataset, dim_in_red)
+    assert [plane.wavelength_nm for plane in comparison.worst] == [625.0, 525.0]
+    html = comparison_page(comparison, dataset.attrs)
+    assert html.index("625 nm, plane by plane") < html.index("525 nm, plane by plane")
+    assert re.search(r" Worst at 625 nm: 3\d % too low on the axis at ", in_a_sentence(comparison))
+    alone = compare(dataset.isel(wavelength_nm=[0]), dim_in_red)
+    assert "Worst" not in in_a_sentence(alone) and "Which band" not in comparison_page(alone, dataset.attrs)

@@ -29,7 +29,7 @@ from lightfield.studies.follower.estimation.pose import Estimator
 from lightfield.studies.follower.estimation.sequence import Poses
 from lightfield.studies.follower.estimation.tracking import Tracker
 from lightfield.studies.follower.frames import POSE
-from lightfield.studies.follower.information import doubt_in_words
+from lightfield.studies.follower.information import sigma_in_words, with_doubt_in_words
 from lightfield.studies.follower.rival_poses import RivalPose
 from lightfield.studies.follower.survey import survey
 from lightfield.studies.following.loop import Track
@@ -117,10 +117,13 @@ def test_a_bias_below_its_error_is_no_bias(bias: float, trace: float, says: str)
     assert _with_trace(bias, trace) == says
 
 
-@pytest.mark.parametrize(("doubt", "says"), [(0.0, ""), (0.0004, " ± 0.1 %"), (0.012, " ± 1.2 %")])
-def test_an_error_of_the_trace_is_never_printed_as_none(doubt: float, says: str) -> None:
-    """Where nothing was traced there is none to print."""
-    assert doubt_in_words(doubt) == says
+@pytest.mark.parametrize(
+    ("doubt", "says"), [(0.0, "23.3"), (0.0004, "23.30 ± 0.02"), (0.012, "23.3 ± 0.3"), (1.27, "20 ± 30")]
+)
+def test_an_error_of_the_trace_is_in_the_unit_of_its_bound(doubt: float, says: str) -> None:
+    """As "23.3 ± 1.2 %" it could be read as one in per cent; where nothing was traced there is none."""
+    assert with_doubt_in_words(23.3, doubt) == says
+    assert sigma_in_words("x", 0.0233, doubt) == f"x {says} mm"
 
 
 @pytest.mark.parametrize(

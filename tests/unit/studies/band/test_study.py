@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from html import unescape
 
 import numpy as np
@@ -197,6 +198,14 @@ def test_sentences_name_the_bands_and_the_distance_that_they_speak_of() -> None:
     assert "any band 50 nm wide from 600 to 700 nm at 8.5 m" in as_text(red)
     assert "read from the size of a signal from 600 to 650 nm is" in band_page(red)
     assert "at 4.5 m attenuation is within 25 % of its least from " in as_text(red)
+
+
+def test_a_band_that_is_wider_than_the_best_has_more_not_over_100_percent() -> None:
+    """Of 100 nm beside bands of 50 "103 %" was told."""
+    wide = Scene.from_dict({"water": {"base": "pure"}, "detector": {"bands_nm": [[450, 600]]}})
+    text = as_text(best_band(wide, traced=False))
+    shares = [float(number) for number in re.findall(r"([\d.]+) %", text)]
+    assert " times as much." in text.splitlines()[0] and max(shares) <= 100
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -325,6 +325,12 @@ def test_runs_over_parameters_continue_where_they_stopped(tmp_path: Path) -> Non
     assert as_data(open_store(store, QUANTITY)) == before and verify(store).complete
     html = follow_sweep_page(open_store(store, QUANTITY))
     assert "4 of 4 cases" in html and "lqr" in html
+    assert re.search(
+        r"Asked for 6.5 m: standoff from [\d.]+ ± [\d.]+ m \(scattering per m 0.\d+, law \w+\) to ", html
+    )
+    assert html.count("<svg") == 2 * 2 and "All that was measured" in html
+    assert cli.main(["show", str(store), "-o", str(tmp_path / "shown")]) == 0
+    assert (tmp_path / "shown" / "index.html").read_text(encoding="utf-8") == html
     alone = follow({"": scene.with_values({"water.scattering_per_m": 0.1})}, runs=2, photons=0)
     assert before["standoff"][1][0] == alone.cases[0].spreads["standoff"].mean
 
