@@ -115,7 +115,7 @@ def _of_some(
             spreads.append(np.asarray(spread @ walls) if kind in FROM_WALLS else spread)
         for noise in noises:
             found = np.zeros((len(channel), noise.roots.shape[1] * noise.images.shape[1]))
-            images = noise.images.astype(float)
+            images = csr_array(noise.images, dtype=float)  # a cell has few images
             for water, (spread, passed) in enumerate(zip(spreads, noise.passed_on, strict=True)):
                 each = passed.to(spread)
                 found[channel == water] = np.hstack([(each * root) @ images for root in noise.roots[water]])
