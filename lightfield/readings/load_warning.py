@@ -156,6 +156,16 @@ def _single(said: Mapping[str, Remarked]) -> str:
     return f"{' and '.join(parts)}: no standard error (the scatter of pixels does not show lamp and position)"
 
 
+def _renamed(said: Mapping[str, Remarked]) -> str:
+    """A standard error has the unit of the readings, which no name says; a part of them is another number."""
+    unused, missing = str(said["unused"]), said["missing"]
+    if missing != "stderr":
+        return f"rename it to {missing}, in that unit"
+    if any(word in unused.lower() for word in ("percent", "pct", "%")):
+        return f"give {missing} in the unit of value: value times {unused!r} / 100"
+    return f"rename it to {missing}, in the unit of value"
+
+
 _Words = str | Callable[[Mapping[str, Remarked]], str]
 #: What is the matter, and what would help.
 _WORDS: dict[Remarks, tuple[_Words, _Words]] = {
@@ -226,7 +236,7 @@ _WORDS: dict[Remarks, tuple[_Words, _Words]] = {
     Remarks.ENCODING: ("the file is not UTF-8 and was read as Latin-1", "save it as UTF-8"),
     Remarks.UNUSED_COLUMN: (
         "the column {unused!r} is not used; it looks like {missing}, which is missing",
-        "rename it to {missing}, in that unit",
+        _renamed,
     ),
     Remarks.UNUSED_ENTRY: (
         "{unused!r} in the head is not used; it looks like {missing}",

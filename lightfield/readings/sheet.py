@@ -134,7 +134,7 @@ _ALSO_CALLED = {
     "z_m": ("distance", "range"),
     "wavelength_nm": ("lambda",),
     "value": ("irradiance", "radiance", "intensity", "reading", "signal"),
-    "stderr": ("sigma", "error", "uncertainty"),
+    "stderr": ("sigma", "error", "err", "std", "sd", "uncertainty"),
     "integration_time_s": ("exposure",),
 }
 

@@ -32,13 +32,13 @@ class TraceErrors(NamedTuple):
         Change of the light in one cell with the relative error in another.
     roots : array, shape (n_waters, n_waters, n_cells)
         Relative errors in every cell as independent contributions, which waters share.
-    images : array of bool, shape (n_cells, n_sets)
-        Which cells share their photons.
+    images : sparse array, shape (n_cells, n_sets)
+        1 of cells that share their photons.
     """
 
     passed_on: list[PassedOn]
     roots: Array
-    images: Array
+    images: csr_array
 
 
 class ClassLight(NamedTuple):
@@ -115,10 +115,11 @@ def _of_some(
             spreads.append(np.asarray(spread @ walls) if kind in FROM_WALLS else spread)
         for noise in noises:
             found = np.zeros((len(channel), noise.roots.shape[1] * noise.images.shape[1]))
-            images = noise.images.astype(float)
             for water, (spread, passed) in enumerate(zip(spreads, noise.passed_on, strict=True)):
                 each = passed.to(spread)
-                found[channel == water] = np.hstack([(each * root) @ images for root in noise.roots[water]])
+                found[channel == water] = np.hstack(
+                    [(each * root) @ noise.images for root in noise.roots[water]]
+                )
             modes.append(found)
     return np.hstack(modes)
 
@@ -141,7 +142,7 @@ def _by_plane(
             smooth = walls[cells][:, cells] if kind in FROM_WALLS else None
             for noise in noises:
                 images = noise.images[cells]
-                images = images[:, images.any(axis=0)]
+                images = images[:, np.unique(images.indices)].toarray()
                 rows = []
                 for passed_on, root in zip(noise.passed_on, noise.roots, strict=True):
                     ratios = passed_on.smoother

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from lightfield.render.response.grid import AngleNodes, Grid
 from lightfield.scene import Scene
@@ -78,8 +79,8 @@ class MirrorImages:
     ----------
     y : array of int, shape (n_cells,)
         The cell's image at -y, itself if it lies at y = 0; -1 where there is none.
-    orbits : array of bool, shape (n_cells, n_sets)
-        Cells that share their photons once the images at -y are averaged.
+    orbits : sparse array, shape (n_cells, n_sets)
+        1 of cells that share their photons once the images at -y are averaged.
     kept : array of int, shape (n_kept,)
         Cells whose tallies stand for those of all, ascending.
     place : array of int, shape (n_cells,)
@@ -89,7 +90,7 @@ class MirrorImages:
     """
 
     y: np.ndarray
-    orbits: np.ndarray
+    orbits: csr_array
     kept: np.ndarray
     place: np.ndarray
     flipped: np.ndarray
@@ -171,4 +172,5 @@ def mirror_images(scene: Scene, grid: Grid) -> MirrorImages:
     ]
     kept, place = np.unique(by, return_inverse=True)
     flipped = np.stack([x != x[by], y != y[by]], axis=1)
-    return MirrorImages(image, np.eye(len(first), dtype=bool)[owner], kept, place, flipped)
+    orbits = csr_array((np.ones(len(owner)), (np.arange(len(owner)), owner)), (len(owner), len(first)))
+    return MirrorImages(image, orbits, kept, place, flipped)

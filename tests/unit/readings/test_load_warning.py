@@ -62,3 +62,16 @@ def test_rows_and_long_lists_are_told_in_few_words() -> None:
 def test_no_integration_times_are_no_constant_one() -> None:
     none = LoadWarning(Remarks.CONSTANT_INTEGRATION_TIME, {"exposure_s": None})
     assert none.sentence.startswith("no integration times are given") and "vary" not in none.remedy
+
+
+@pytest.mark.parametrize(
+    ("unused", "remedy"),
+    [
+        ("stderr_percent", "give stderr in the unit of value: value times 'stderr_percent' / 100"),
+        ("Error (%)", "give stderr in the unit of value: value times 'Error (%)' / 100"),
+        ("sigma", "rename it to stderr, in the unit of value"),
+    ],
+)
+def test_an_error_in_per_cent_is_not_to_be_renamed(unused: str, remedy: str) -> None:
+    """Per cent under the name stderr would be read as errors in the unit of the readings."""
+    assert LoadWarning(Remarks.UNUSED_COLUMN, {"unused": unused, "missing": "stderr"}).remedy == remedy

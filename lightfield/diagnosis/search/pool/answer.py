@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lightfield.diagnosis.problem.candidates import Candidate
-from lightfield.diagnosis.search.pool.evidence import Weighing
+from lightfield.diagnosis.search.pool.evidence import Weighing, dearer_apart
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.rivals import seek_rivals
 from lightfield.diagnosis.search.set_of_effects import FittedSet
@@ -49,14 +49,19 @@ def _named_first(pool: Pool, found: FittedSet) -> Iterator[FittedSet]:
     """Sets with fewer curves that cost little more; those with fewest first, of these the cheapest.
 
     A curve follows whatever named effects it contains, and the noise besides. Where it is cheaper all the
-    same, they are one of two ways to see it. A local unknown is no name.
+    same, they are one of two ways to see it. Several in its place have one price, as it has. A local unknown
+    is no name.
     """
     curves, limit = _curves(found), pool.cost(found) + NAMED_FIRST
     near: list[tuple[int, float, FittedSet]] = []
     for node in pool.nodes.values():
         fewer = _curves(node)
         unknown = any(c.effect.family == UNKNOWN and c.key not in found.key for c in node.explanation)
-        if fewer < curves and not unknown and (cost := pool.cost(node)) <= limit:
+        if (
+            fewer < curves
+            and not unknown
+            and (cost := pool.cost(node)) <= limit + dearer_apart(pool.ground, node, found)
+        ):
             near.append((len(fewer), cost, node))
     for *_, node in sorted(near, key=lambda one: one[:2]):
         yield node

@@ -16,7 +16,7 @@ from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.search.followed import is_of_the_search_alone
 from lightfield.diagnosis.search.pool.beyond import needless_beyond
-from lightfield.diagnosis.search.pool.fitted_sets import Pool
+from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.gains_or_water import ABSORPTION, water_may_do_it
 from lightfield.diagnosis.search.pool.uneven_lamp import may_be_detail, of_an_uneven_lamp
 from lightfield.diagnosis.search.set_of_effects import FittedSet
@@ -153,8 +153,9 @@ class Weighing:
         return self.cost(node) - self.cost(self.best)
 
     def cost(self, node: FittedSet) -> float:
-        """Chi-square and price of a set."""
-        return self.pool.ground.cost(node, self.phi)
+        """Chi-square and price of a set; several effects of the best that a curve of it contains have one."""
+        ground = self.pool.ground
+        return ground.cost(node, self.phi) + dearer_apart(ground, self.best, node)
 
     def above_unpriced(self, node: FittedSet) -> float:
         """The same with every parameter at one: parsimony does not count."""
@@ -189,6 +190,22 @@ class Weighing:
         nodes = list(self.pool.nodes.values())
         share = np.exp(-0.5 * np.array([max(self.above(n), 0.0) for n in nodes]))
         return float(share @ np.array([name in n.names for n in nodes]) / share.sum())
+
+
+def dearer_apart(ground: Ground, apart: FittedSet, whole: FittedSet) -> float:
+    """By how much more effects of a set cost each by itself than as one, beside a curve that contains them.
+
+    Together they are what the curve is, one change of the readings, with as many parameters as they have. Not
+    those of a beam: it has one form, and two of them together are a curve that has no name.
+    """
+    more = 0.0
+    for curve in whole.explanation:
+        if not curve.effect.is_free_form or curve.name == BEAM_PROFILE or curve.key in apart.key:
+            continue
+        parts = [c for c in apart.explanation if c.name in curve.effect.contains and c.key not in whole.key]
+        if len(parts) > 1:
+            more += sum(map(ground.price, parts)) - ground.price_of(sum(len(c.parameters) for c in parts))
+    return more
 
 
 def evidence(pool: Pool, best: FittedSet, adequate: bool) -> list[Evidence]:

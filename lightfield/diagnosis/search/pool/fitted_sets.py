@@ -102,7 +102,10 @@ class Ground:
 
     def price(self, candidate: Candidate) -> float:
         """Chi-square, in units of phi, that an effect has to save."""
-        d = len(candidate.parameters)
+        return self.price_of(len(candidate.parameters))
+
+    def price_of(self, d: int) -> float:
+        """Chi-square, in units of phi, that one effect of so many parameters has to save."""
         if d not in self._prices:
             self._prices[d] = d * float(special.fdtri(d, self.nu, 1 - self.level))
         return self._prices[d]

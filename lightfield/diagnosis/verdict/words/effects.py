@@ -68,8 +68,13 @@ def follows_any(one: FoundEffect) -> bool:
     return one.level == Certainty.ONE_OF and one.hardly_tested and not instead(one)
 
 
-def instead(one: FoundEffect) -> str:
-    """What would do in place of an effect; "" for nothing."""
+def has_only_courses(one: FoundEffect) -> bool:
+    """Does nothing but curves that an effect is one course of do in its place?"""
+    return bool(one.alternatives) and all(_is_course_of(one.effect, names) for names in one.alternatives)
+
+
+def instead(one: FoundEffect, it: str = "it") -> str:
+    """What would do in place of an effect; "" for nothing. `it` may stand for several that have the same."""
     # What one alone does needs no other beside it.
     least = [a for a in one.alternatives if not any(set(b) < set(a) for b in one.alternatives)]
     shown = least[:_ALTERNATIVES_TOLD]
@@ -78,7 +83,7 @@ def instead(one: FoundEffect) -> str:
     if one.beyond:
         told.insert(0, f"more {in_company(one.beyond)} than is held plausible")
     if courses:  # first, next to what "it" is
-        told.insert(0, f"any course of it ({' or '.join(map(in_company, courses))})")
+        told.insert(0, f"any course of {it} ({' or '.join(map(in_company, courses))})")
     if one.other_lamp and not any(_CURVE in names for names in one.alternatives):
         told.append("a lamp of another shape")
     # Sets without an effect of the scene hold it as stated.

@@ -25,6 +25,7 @@ from lightfield.diagnosis.verdict.words.effects import (
     as_well,
     follows_any,
     has_no_equal,
+    has_only_courses,
     in_company,
     instead,
     level,
@@ -192,7 +193,7 @@ def _many(v: VerdictData, found: Sequence[FoundEffect]) -> Said:
     support = [whole if len(certain) == len(found) > 1 else f"Certain: {join(certain)}."] if certain else []
     support += [f"{capital(plain(o.effect))}: {level(o)}." for o in found if o.level == Certainty.SIMPLEST]
     missing = f"{_missing(sure)}{_on_trust(v)}" if sure else ""
-    slots = "; ".join(_slot(one) for one in found if one.level == Certainty.ONE_OF)
+    slots = "; ".join(map(_slot, _in_slots([one for one in found if one.level == Certainty.ONE_OF])))
     if not slots:
         if but := _unsure(found) if v.verdict == Kind.AMBIGUOUS else None:
             what = f"Perhaps {join(sure)}: they would explain the misfit, but {but}."
@@ -212,7 +213,18 @@ def _unsure(found: Sequence[FoundEffect]) -> str | None:
     return f"these readings do not determine the size of {join(vague)}" if vague else None
 
 
-def _slot(one: FoundEffect) -> str:
+def _in_slots(found: Sequence[FoundEffect]) -> list[list[FoundEffect]]:
+    """Effects that are one of several, those together that the same curves have all at once."""
+    slots: dict[str, list[FoundEffect]] = {}
+    for one in found:
+        slots.setdefault(instead(one) if has_only_courses(one) else one.effect, []).append(one)
+    return list(slots.values())
+
+
+def _slot(ones: Sequence[FoundEffect]) -> str:
+    one, *more = ones
+    if more:
+        return f"{join([o.effect for o in ones])}, or {instead(one, 'them')}"
     others = instead(one)
     return f"{plain(one.effect)} or {others}" if others else f"perhaps {plain(one.effect)}"
 

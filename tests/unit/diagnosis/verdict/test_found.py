@@ -151,6 +151,18 @@ def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
     assert words_of(verdict_data("identified", explanation("a", "b", "c"), found=found)).headline == headline
 
 
+def test_effects_that_one_curve_has_are_told_together() -> None:
+    """CDOM or any course of it; wavelength shift or any course of it: that named one curve twice."""
+    curve = ["attenuation_spectrum"]
+    found = [effect("background", "certain")]
+    found += [effect(name, "one of", curve) for name in ("cdom", "wavelength_shift")]
+    names = [one.effect for one in found]
+    assert words_of(verdict_data("ambiguous", explanation(*names), found=found)).headline == (
+        "Background is missing in the model; also CDOM and wavelength shift, or any course of them "
+        "(attenuation spectrum)."
+    )
+
+
 def test_what_the_readings_refute_is_not_missing() -> None:
     """An effect of the scene among the three of the best set, at a size of none."""
     refuted = StatedEffect(

@@ -25,7 +25,11 @@ def test_each_reading_has_the_errors_of_its_cells(at_once: int, monkeypatch: pyt
     roots, images = 0.1 * rng.random((2, 2, CELLS)), rng.random((CELLS, SETS)) < 0.5
     channel = rng.integers(0, 2, READINGS)
     plain = PassedOn(np.ones(CELLS), np.zeros(CELLS), np.zeros(CELLS), eye_array(CELLS, format="csr"))
-    parts = {0: ClassLight(light, [TraceErrors([plain, plain], roots, images)], np.zeros_like(light))}
+    parts = {
+        0: ClassLight(
+            light, [TraceErrors([plain, plain], roots, csr_array(images, dtype=float))], np.zeros_like(light)
+        )
+    }
     shift = SimpleNamespace(shares=csr_array(shares), asked=READINGS)
     found = relative_modes(shift, parts, light, eye_array(CELLS, format="csr"), channel)
     for row, water in enumerate(channel):

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from toy_pool import many, more_waves, pool_of, toy
-from toy_problem import layout
+from toy_problem import Toy, candidate, curve, layout
 
 from lightfield.diagnosis import course
+from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.problem.noise import Budget
 from lightfield.diagnosis.search import many as beyond
@@ -92,10 +93,32 @@ def test_an_effect_that_describes_noise_is_not_in_the_answer(size: float, kept: 
     assert wide.test(found.fit).passes(ALPHA)
 
 
+def test_two_effects_in_place_of_a_curve_have_one_price_as_it_has() -> None:
+    """A curve of four terms follows the noise better than two effects that it contains, and costs less than
+    both, each by itself: they are named, the curve stands beside them, and none outweighs the other."""
+    lay = layout()
+    terms = [np.cos((k + 2) * lay.x_m) * lay.x_m**2 * (lay.z_m - 5.5) for k in range(4)]
+    columns = more_waves(lay) | {"round": terms[0] + 0.5 * terms[1], "ring": terms[2]}
+    candidates = [candidate(n) for n in columns] + curve("bend", (4,), ("round", "ring"))
+    made = Toy.of(candidates, columns | {f"bend{k}": t for k, t in enumerate(terms)}, lay)
+    problem = made.drawn(np.random.default_rng(3), round=8.0, ring=8.0)
+    result = many(made, problem)
+    pool, by_name = result.pool, {c.name: c for c in problem.candidates}
+    apart, whole = (
+        pool.fit([by_name[n] for n in names], [Begin({})]) for names in (("round", "ring"), ("bend",))
+    )
+    assert pool.cost(apart) > pool.cost(whole) + answer.NAMED_FIRST
+    assert result.adequate and result.best.names == {"round", "ring"}
+    assert abs(Weighing.of(pool, result.best).above(whole)) < answer.NAMED_FIRST
+    assert {e.candidate.name: e.level for e in result.evidence} == dict.fromkeys(
+        ("round", "ring"), Certainty.ONE_OF
+    )
+
+
 def costing(cost: float, *names: str, at_edge: bool = False) -> SimpleNamespace:
     """A fitted set of effects of these names."""
-    made = (SimpleNamespace(is_free_form="curve" in name, family=name) for name in names)
-    effects = [SimpleNamespace(effect=e, key=n) for e, n in zip(made, names, strict=True)]
+    made = (SimpleNamespace(is_free_form="curve" in name, family=name, contains=()) for name in names)
+    effects = [SimpleNamespace(effect=e, key=n, name=n) for e, n in zip(made, names, strict=True)]
     return SimpleNamespace(explanation=effects, key=frozenset(names), cost=cost, at_edge=at_edge)
 
 
@@ -103,7 +126,7 @@ def asked(
     sets: Callable[..., Iterable[Any]], found: SimpleNamespace, *others: SimpleNamespace
 ) -> list[set[str]]:
     """What is asked for in place of what was found, of a pool of these."""
-    pool = SimpleNamespace(nodes=dict(enumerate([found, *others])), cost=lambda node: node.cost)
+    pool = SimpleNamespace(nodes=dict(enumerate([found, *others])), cost=lambda node: node.cost, ground=None)
     return [set(node.key) for node in sets(pool, found)]
 
 
