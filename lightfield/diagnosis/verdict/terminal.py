@@ -30,8 +30,9 @@ from lightfield.wording import plain
 
 #: Explanations, and readings set aside, that a terminal is shown. Chosen: words alone.
 _SHOWN, _LISTED = 8, 20
-#: Digits of a half width, as of what is told beside it. Chosen: words alone.
-_DIGITS = 4
+#: Digits of a half width, as of what is told beside it; decimals of b, of which a rounding may be left, 1/m.
+#: Chosen: words alone.
+_DIGITS, _DECIMALS = 4, 9
 #: No column of the ladder has the room for a longer number with its decimals. Chosen: words alone.
 _LONG = 1e5
 
@@ -143,7 +144,7 @@ def _water_and_beam(what: WaterAndBeam) -> str:
     stderr = what.attenuation_stderr_per_m
     error = "" if stderr is None else f" ± {stderr:.2g}"
     return (
-        f"a = {what.absorption_per_m:.4g}, b = {what.scattering_per_m:.4g}, "
+        f"a = {what.absorption_per_m:.4g}, b = {round(what.scattering_per_m, _DECIMALS):.4g}, "
         f"K = {what.attenuation_per_m:.4g}{error} 1/m at {what.wavelength_nm:.4g} nm, "
         f"hwhm = {half_widths(what, _DIGITS)} degrees"
     )

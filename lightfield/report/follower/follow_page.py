@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -71,13 +71,13 @@ def following_page(found: Following) -> str:
                     cases,
                 )
             ],
-            text=["; ".join(f"{plain(n)}: {METRICS[n][1]}" for n in names) + "."],
             tables=[
                 Table(
                     f"Mean of the runs ± scatter from run to run{kept}.",
                     ["", *(f"{one.name}: {one.believed_short}" for one in cases)],
                     rows,
-                )
+                ),
+                _meanings(names),
             ],
         ),
     ]
@@ -92,6 +92,11 @@ def following_page(found: Following) -> str:
     origin = [("light", light_in_words(first.traced)), ("runs of each follower", str(count))]
     title = "Docking" if docking else "Following"
     return page(title, f"{found.verdict}.", lead, sections, first.scene, origin)
+
+
+def _meanings(names: Iterable[str]) -> Table:
+    """What the numbers of a following are."""
+    return Table("What these are.", ["", "meaning"], [[plain(n), METRICS[n][1]] for n in names])
 
 
 def _thick(cases: Sequence[Followed], kept: str) -> str:
@@ -145,14 +150,14 @@ def follow_sweep_page(data: xr.Dataset) -> str:
                     "All metrics over parameters", all_figure, data, beside,
                 )
             ] if beside else [],
-            text=["; ".join(f"{plain(n)}: {METRICS[n][1]}" for n in shown) + "."],
             tables=[
                 Table(
                     mean + (f" Zero in every case: {', '.join(none)}." if none else ""),
                     [*(plain(name.rpartition(".")[2]) for name in axes),
                      *(f"{plain(n)} ({METRICS[n][0]})" for n in shown)],
                     rows,
-                )
+                ),
+                _meanings(shown),
             ],
         ),
     ]  # fmt: skip
