@@ -7,6 +7,7 @@ import argparse
 from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_option
 from lightfield.commands.shared.progress import progress_of
+from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Scene
 from lightfield.storage.files import output_file
@@ -51,6 +52,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Trace and write."""
+    if args.output.suffix.lower() != ".nc":
+        raise UsageError(
+            "the light on a grid is a NetCDF file", where="--output", found=str(args.output),
+            remedy="end it in .nc",
+        )  # fmt: skip
     scene = Scene.load(args.scene)
     output_file(args.output, args.scene, *scene.tables)
     photons = photons_of(args)

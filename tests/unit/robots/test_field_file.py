@@ -136,6 +136,9 @@ def test_the_command_writes_it(tmp_path, monkeypatch, capsys) -> None:
     with xr.open_dataset("field.nc") as data:
         assert float(data.flux_diffuse_z.max()) == 0 < float(data.flux_direct_z.max())
     assert cli.main([*words, "scene.toml"]) == 2
+    capsys.readouterr()
+    assert cli.main([*words, "field.txt"]) == 2
+    assert "end it in .nc" in capsys.readouterr().err and not (tmp_path / "field.txt").exists()
     traced = [
         "field",
         "export",
