@@ -13,7 +13,12 @@ from lightfield.arrays import TINY, Array
 from lightfield.diagnosis.problem.candidates import Candidate, Setting, candidates
 from lightfield.diagnosis.problem.layout import Layout
 from lightfield.diagnosis.problem.problem import Explanation, Problem
-from lightfield.fitting.effects.local import local_unknowns, ripple_periods_s, turns_of_a_square
+from lightfield.fitting.effects.local import (
+    local_unknowns,
+    ripple_periods_s,
+    shows_corners,
+    turns_of_a_square,
+)
 from lightfield.fitting.effects.own import effects_of
 from lightfield.fitting.parameter import FitParameter
 from lightfield.readings import Readings
@@ -102,9 +107,10 @@ def _shapes(layout: Layout, signal: Array) -> Iterator[Array]:
         dips, planes = _dips(layout.time_s), np.unique(np.round(layout.z_m, LINE_DECIMALS))
         for beyond in (-np.inf, *(0.5 * (planes[1:] + planes[:-1]))[_some(len(planes) - 1, _MOST_EDGES)]):
             yield dips * (layout.z_m > beyond)[:, None]
-    turn = turns_of_a_square(layout.x_m, layout.y_m)
-    outward = (layout.angle_rad / max(float(layout.angle_rad.max()), TINY))[:, None] ** _POWERS_AT_ONCE
-    yield np.hstack([np.cos(turn)[:, None] * outward, np.sin(turn)[:, None] * outward])
+    if shows_corners(layout.x_m, layout.y_m):
+        turn = turns_of_a_square(layout.x_m, layout.y_m)
+        outward = (layout.angle_rad / layout.angle_rad.max())[:, None] ** _POWERS_AT_ONCE
+        yield np.hstack([np.cos(turn)[:, None] * outward, np.sin(turn)[:, None] * outward])
 
 
 def _dips(at: Array) -> Array:

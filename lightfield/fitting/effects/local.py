@@ -170,7 +170,7 @@ def _found(readings: Readings) -> Iterator[OwnEffect]:
             laboratory="Read one place in both ranges, or with a known grey filter at the brightest.",
         )
     theta = np.degrees(angle_from_axis(readings.x_m, readings.y_m, readings.z_m))
-    if _shows_corners(readings):
+    if shows_corners(readings.x_m, readings.y_m):
         yield _square(0.5 * float(theta.max()))
     if periods_deg := _ripple_periods_deg(theta):
         yield _ripple(
@@ -202,10 +202,10 @@ def _levels(readings: Readings) -> tuple[float, float] | None:
     return (float(low), float(high)) if 0 < low < high else None
 
 
-def _shows_corners(readings: Readings) -> bool:
+def shows_corners(x_m: Array, y_m: Array) -> bool:
     """Are there readings in directions about the axis that are alike in no square?"""
-    off = np.hypot(readings.x_m, readings.y_m) > _NARROWEST_M
-    four = turns_of_a_square(readings.x_m[off], readings.y_m[off])
+    off = np.hypot(x_m, y_m) > _NARROWEST_M
+    four = turns_of_a_square(x_m[off], y_m[off])
     return bool(off.any() and max(np.ptp(np.cos(four)), np.ptp(np.sin(four))) > _TURNS_SHOWN)
 
 

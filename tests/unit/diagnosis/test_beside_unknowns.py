@@ -232,6 +232,18 @@ def test_noise_leaves_nearly_all_beside_a_ripple(serial: float) -> None:
     assert left_by_an_unknown(layout, noise + swing, light, keep, none, even) == pytest.approx(0.2, abs=0.1)
 
 
+@pytest.mark.parametrize(("step_deg", "shows"), [(30, True), (90, False)])
+def test_corners_show_where_readings_go_round(step_deg: int, shows: bool) -> None:
+    """A fourfold change that grows with the square of the angle; of a cross it is one of the angle alone."""
+    turn, out = (at.ravel() for at in np.meshgrid(np.radians(np.arange(0, 360, step_deg)), [0.1, 0.15, 0.3]))
+    x, y, level = out * np.cos(turn), out * np.sin(turn), np.arange(len(out)) + 1.0
+    layout = layout_of(Readings.from_arrays(x_m=x, y_m=y, z_m=np.full(len(x), 2.0), value=level))
+    light, none = np.full(layout.size, 100.0), np.zeros((layout.size, 0))
+    corners = np.cos(4 * turn) * layout.angle_rad**2
+    left = left_by_an_unknown(layout, corners, light, np.ones(layout.size), none, level)
+    assert (left < 1e-9) == shows
+
+
 def test_what_an_unknown_led_to_is_kept_where_it_does_without(monkeypatch: pytest.MonkeyPatch) -> None:
     """A search that missed a set is made once more beside unknowns, and finds one that holds none of them."""
     hidden = {"detector.background": BACKGROUND, "lamp.offset_x_m": OFFSET_M, "lamp.drift_per_hour": 0.2}
