@@ -228,7 +228,7 @@ def _square(halfway_deg: float) -> OwnEffect:
             "b": _part(-_CORNERS, _CORNERS),
             "power": OwnParameter(range=_POWERS, meaning="of the angle, with which the corners grow"),
         },
-        physics="The lamp lights a square, as some LED modules and projectors do, or has four of something.",
+        physics="The lamp lights a square, as some LED modules and projectors do, or has four lobes.",
         laboratory="Look at its spot on a white wall; turn the lamp by 45 degrees and read again.",
     )
 
