@@ -52,13 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Trace and write."""
+    scene = Scene.load(args.scene)
+    output_file(args.output, args.scene, *scene.tables)
     if args.output.suffix.lower() != ".nc":
         raise UsageError(
             "the light on a grid is a NetCDF file", where="--output", found=str(args.output),
             remedy="end it in .nc",
         )  # fmt: skip
-    scene = Scene.load(args.scene)
-    output_file(args.output, args.scene, *scene.tables)
     photons = photons_of(args)
     from lightfield.maps.dataset import write_netcdf
     from lightfield.robots.field_file import Asked, field_dataset, resolved_from_m
