@@ -1,7 +1,7 @@
-"""Singular values and eigenvalues of matrices, by drivers that converge.
+"""Singular values, eigenvalues and least squares of matrices, by drivers that converge.
 
-LAPACK's divide and conquer is fast, and fails on some finite matrices of nearly parallel columns; the slower
-QR iteration then does it.
+LAPACK's divide and conquer is fast, and fails on some finite matrices, of nearly parallel columns and a few
+others; the slower QR iteration then does it.
 """
 
 from __future__ import annotations
@@ -28,3 +28,18 @@ def eigen(symmetric: Array) -> tuple[Array, Array]:
     except np.linalg.LinAlgError:
         values, vectors = scipy.linalg.eigh(symmetric, driver="ev")
     return values, vectors
+
+
+def solved(columns: Array, target: Array, least: float | None = None) -> Array:
+    """Coefficients of columns, shape (n, k), that together come nearest to a target, (n,) or (n, m).
+
+    Parameters
+    ----------
+    least : float, optional
+        Singular values below this part of the largest count as none; rounding by default.
+    """
+    try:
+        return np.asarray(np.linalg.lstsq(columns, target, rcond=least)[0])
+    except np.linalg.LinAlgError:
+        least = np.finfo(float).eps * max(columns.shape) if least is None else least
+        return np.asarray(scipy.linalg.lstsq(columns, target, cond=least, lapack_driver="gelss")[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,13 +194,20 @@ class _Search:
 
     def run(self, start: Array, steps: int) -> bool:
         """SciPy's search; did it end by itself?"""
+        try:
+            return self._run(start, steps, "exact")
+        except np.linalg.LinAlgError:  # LAPACK ends so of some matrices, well-conditioned ones among them
+            return self._run(self.best.u, max(steps - self.tried, 1), "lsmr")
+
+    def _run(self, start: Array, steps: int, solver: Literal["exact", "lsmr"]) -> bool:
         begin = (start - self.low)[self.moving] / self.room[self.moving]
         ftol = self.tolerance / len(self.value)
         try:
             with np.errstate(divide="ignore", invalid="ignore"):  # see `_at`
                 found = optimize.least_squares(
-                    self._residual, begin, self._derivatives, (0, 1), ftol=ftol, gtol=None, max_nfev=steps
-                )
+                    self._residual, begin, self._derivatives, (0, 1),
+                    ftol=ftol, gtol=None, max_nfev=steps, tr_solver=solver,
+                )  # fmt: skip
         except _Ended:
             return True
         return bool(found.status > 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lightfield.decompositions import eigen, thin_svd
+from lightfield.decompositions import eigen, solved, thin_svd
 
 
 def nearly_parallel(n: int = 630, k: int = 120) -> np.ndarray:
@@ -35,3 +35,19 @@ def test_eigenvalues_by_the_other_driver(monkeypatch: pytest.MonkeyPatch) -> Non
     np.testing.assert_allclose(values, expected, atol=1e-13 * expected[-1])
     np.testing.assert_allclose(vectors * values @ vectors.T, gram, atol=1e-13 * expected[-1])
     np.testing.assert_allclose(vectors.T @ vectors, np.eye(40), atol=1e-12)
+
+
+@pytest.mark.parametrize("least", [None, 1e-6])
+def test_least_squares_by_another_driver_are_the_same(
+    monkeypatch: pytest.MonkeyPatch, least: float | None
+) -> None:
+    """Also of columns of which one says nothing of its own."""
+    rng = np.random.default_rng(3)
+    columns = rng.standard_normal((30, 4))
+    columns[:, 3] = columns[:, 0] + columns[:, 1]
+    target = rng.standard_normal((30, 2))
+    wanted = solved(columns, target, least)
+    assert np.allclose(columns.T @ (columns @ wanted - target), 0, atol=1e-12)
+
+    monkeypatch.setattr(np.linalg, "lstsq", fails)
+    np.testing.assert_allclose(solved(columns, target, least), wanted, rtol=1e-9)

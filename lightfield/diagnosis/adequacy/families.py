@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightfield.arrays import TINY, Array
+from lightfield.decompositions import solved
 from lightfield.diagnosis.adequacy.subspace import beside, orthonormal
 from lightfield.diagnosis.adequacy.templates import ripple_periods_rad, ripples
 from lightfield.diagnosis.problem.layout import BRIGHT, LEAST_RANGE, Layout
@@ -152,7 +153,7 @@ def _factor_fit(problem: Problem, whiten: Whiten, base: Fit, basis: Array) -> tu
         shape = whiten((keep * prediction)[:, None] * unit)
         both = np.hstack([nuisance, shape])
         length = np.linalg.norm(both, axis=0) + TINY
-        step = np.linalg.lstsq(both / length, residual, rcond=_WEAK)[0] / length
+        step = solved(both / length, residual, _WEAK) / length
         for part in _STEPS:
             moved = np.clip(u + part * step[: len(u)], model.low, model.high)
             scaled = factor + part * unit @ step[len(u) :]

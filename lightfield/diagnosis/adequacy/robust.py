@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from lightfield.arrays import TINY, Array
-from lightfield.decompositions import eigen
+from lightfield.decompositions import eigen, solved
 from lightfield.diagnosis.adequacy.likelihood import log_evidence, profile
 from lightfield.diagnosis.adequacy.subspace import orthonormal
 from lightfield.diagnosis.adequacy.templates import Template
@@ -130,7 +130,7 @@ def _cauchy_misfit(residual: Array, basis: Array, keep: Array) -> Array:
     spread = 1.0
     for _ in range(_CAUCHY_ROUNDS):
         root = np.sqrt(weight)
-        misfit = residual - basis @ np.linalg.lstsq(basis * root[:, None], residual * root, rcond=None)[0]
+        misfit = residual - basis @ solved(basis * root[:, None], residual * root)
         inflate = np.sqrt(n / max(n - _TAKEN_PER_COLUMN * basis.shape[1], _LEAST_LEFT * n))
         spread = MAD_TO_SIGMA * float(np.median(np.abs(misfit[keep > 0]))) * inflate
         spread = max(spread, _EXACT * float(np.abs(misfit).max()), TINY)

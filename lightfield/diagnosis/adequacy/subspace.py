@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from lightfield.arrays import TINY, Array
-from lightfield.decompositions import eigen, thin_svd
+from lightfield.decompositions import eigen, solved, thin_svd
 
 #: Derivatives with respect to parameters are collinear when less than this part of the strongest direction is
 #: left. Chosen: far above the rounding of doubles (1e-16), far below what readings tell apart.
@@ -74,4 +74,4 @@ def by_others(others: Array, columns: Array, tolerance: float | None = None) -> 
         Combinations weaker than this part of the strongest are left out; default: those that rounding makes.
     """
     norm = np.linalg.norm(others, axis=0) + TINY
-    return np.asarray(np.linalg.lstsq(others / norm, columns, rcond=tolerance)[0] / norm[:, None])
+    return np.asarray(solved(others / norm, columns, tolerance) / norm[:, None])

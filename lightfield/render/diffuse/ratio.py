@@ -15,6 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from lightfield.arrays import TINY, Array
+from lightfield.decompositions import thin_svd
 from lightfield.errors import RenderError
 from lightfield.formula.scattered.quadrature import in_cell
 from lightfield.formula.scattered.scattered_field import ScatteredField
@@ -305,7 +306,7 @@ def _polynomials(ratio: Array, basis: Array, degree: Array) -> tuple[Array, Arra
         sigma = np.exp(0.5 * basis @ law)
         sigma *= np.sqrt(np.mean(variance / sigma**2))
         white = basis / sigma[:, None]
-        left, size, right = np.linalg.svd(white, full_matrices=False)
+        left, size, right = thin_svd(white)
         root = right.T / size  # of the covariance of independent cells
         each = (batches / sigma) @ left @ root.T
         value = each.mean(axis=0)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from lightfield.arrays import Array
+from lightfield.decompositions import thin_svd
 from lightfield.errors import RenderError
 from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.formula.closed_form import direct_field
@@ -134,7 +135,7 @@ def _grid(coefficients: Array, s: Array, t: Array) -> Array:
 
 def _modes(modes: Array) -> Array:
     """The same covariance by as few contributions as there are places."""
-    left, size, _ = np.linalg.svd(modes, full_matrices=False)
+    left, size, _ = thin_svd(modes)
     keep = size > _SMALL_MODE * size.max(initial=0.0)
     return np.asarray(left[:, keep] * size[keep])
 
