@@ -96,7 +96,7 @@ def following_page(found: Following) -> str:
 
 def _meanings(names: Iterable[str]) -> Table:
     """What the numbers of a following are."""
-    return Table("What these are.", ["", "meaning"], [[plain(n), METRICS[n][1]] for n in names])
+    return Table("What these are.", ["", "meaning"], [[plain(n), METRICS[n][1]] for n in names], (1,))
 
 
 def _thick(cases: Sequence[Followed], kept: str) -> str:
