@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -136,7 +136,8 @@ def _order(
             part = tuple(explanation[i] for i in order)
             start = np.array([*before.u, *(known[p.path] for p in part[-1].parameters)])
             if len(explanation) <= _FEW:
-                fits[key] = problem.fit(part, whiten, [start, problem.default_start(base.u, part)])
+                starts = [start, problem.default_start(base.u, part), _without_the_last(before, part, known)]
+                fits[key] = problem.fit(part, whiten, starts)
             else:
                 fits[key] = _nearby(problem, part, whiten, start, full)
                 if fits[key].chi2 > before.chi2:  # more effects are no worse: those slopes lead elsewhere
@@ -168,6 +169,12 @@ def _order(
             more = _cost_of_rung(error(order), error(one)) if len(fits) < _MOST else 0.0
             heapq.heappush(ways, (cost + more, one))
     return tuple(explanation[i] for i in way)
+
+
+def _without_the_last(before: Fit, part: Explanation, known: Mapping[str, float]) -> Array:
+    """Where a set does what it does without its last effect: more of them are no worse from there."""
+    last = part[-1]
+    return np.array([*before.u, *(p.start for p in last.amplitudes), *(known[p.path] for p in last.shapes)])
 
 
 def _cost_of_rung(before: float, after: float) -> float:
@@ -220,8 +227,11 @@ def climb(
             known = full.by_path
             own = [known[p.path] for p in order[k - 1].parameters]
             if k < len(order):
-                left = _LEFT if len(order) <= _FEW else _ROUGHLY
-                fit = problem.fit(part, whiten, [np.concatenate([fit.u, own])], tolerance=left)
+                left, start = _LEFT if len(order) <= _FEW else _ROUGHLY, np.concatenate([fit.u, own])
+                before, fit = fit, problem.fit(part, whiten, [start], tolerance=left)
+                if fit.chi2 > before.chi2:  # beside less than the whole set its own size may be far too large
+                    less = _without_the_last(before, part, known)
+                    fit = problem.fit(part, whiten, [start, less], tolerance=left)
             else:  # the best set as it is told: from elsewhere it may come to another minimum
                 fit = problem.fit(part, whiten, [problem.model(part).at(known)], max_steps=0)
         label = "base" if not k else _label(order[k - 1])

@@ -15,6 +15,7 @@ from lightfield.cli import main
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.plan import plan
 from lightfield.diagnosis.problem.problem import _LEFT as LEFT
+from lightfield.diagnosis.verdict.verdict import Verdict
 from lightfield.errors import UsageError
 from lightfield.fitting import effects
 from lightfield.fitting.effects.local import local_unknowns
@@ -152,33 +153,59 @@ def test_four_corners_ask_for_more_than_a_cross(step_deg: int, told: bool) -> No
     assert ("square_beam" in [e.name for e in local_unknowns(table)]) == told
 
 
-def test_a_square_beam_is_told_beside_its_steepness() -> None:
-    """I = exp(-ln2 (tx^4 + ty^4) / hwhm^4): a super-Gaussian of exponent 4 all round, wider in its mean than
-    along its sides, times exp(-ln2/4 (theta/hwhm)^4 cos 4 phi)."""
+PLANES_M = (1.5, 2.5, 4.0)
+
+
+def square(power: float, turn_deg: float, seed: int) -> tuple[Readings, float]:
+    """On a grid: I = exp(-ln2 (|tx|^p + |ty|^p) / 8^p), turned about the axis, in water of 0.08 per m; and
+    the largest angle, degrees."""
     places = np.linspace(-0.25, 0.25, 9)
-    x, y, z = np.array([(a * z, b * z, z) for z in (1.5, 2.5, 4.0) for a in places for b in places]).T
-    r, rng = np.sqrt(x * x + y * y + z * z), np.random.default_rng(2)
-    theta = np.degrees(np.arctan2(np.hypot(x, y), z))
-    share = np.hypot(x, y) + 1e-9
-    sides = (theta * x / share / 8.0) ** 4 + (theta * y / share / 8.0) ** 4
+    x, y, z = np.array([(a * z, b * z, z) for z in PLANES_M for a in places for b in places]).T
+    r, rng = np.sqrt(x * x + y * y + z * z), np.random.default_rng(seed)
+    theta, at = np.degrees(np.arctan2(np.hypot(x, y), z)), np.arctan2(y, x) - np.radians(turn_deg)
+    sides = np.abs(theta * np.cos(at) / 8.0) ** power + np.abs(theta * np.sin(at) / 8.0) ** power
     value = np.exp(-np.log(2) * sides - 0.08 * r) * z / r**3
     sigma = np.hypot(0.004 * value, 2e-4 * value.max())
     value = value + sigma * rng.standard_normal(len(value))
-    table = Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=value, stderr=sigma)
+    return Readings.from_arrays(x_m=x, y_m=y, z_m=z, value=value, stderr=sigma), float(theta.max())
+
+
+def of_square(table: Readings) -> Verdict:
     believed = Scene.from_dict({"lamp": {"hwhm_deg": 8.0}, "water": {"absorption_per_m": 0.1}})
-    verdict = diagnose(table, believed, diffuse=None, only=["beam_shape", "beam_skirt"], advise=False).verdict
+    return diagnose(table, believed, diffuse=None, only=["beam_shape", "beam_skirt"], advise=False).verdict
+
+
+def test_a_square_beam_is_told_beside_its_steepness() -> None:
+    """Of power 4 it is a super-Gaussian of exponent 4 all round, wider in its mean than along its sides,
+    times exp(-ln2/4 (theta/hwhm)^4 cos 4 phi)."""
+    table, widest_deg = square(4.0, 0.0, seed=2)
+    verdict = of_square(table)
     assert (verdict.verdict, verdict.unexplained_coordinate) == ("unexplained", "azimuth")
     assert "looks like a square beam" in verdict.sentence
     best = verdict.left_over[0]
     assert (best.name, best.beside, best.adequate) == ("square_beam", ["beam_shape"], True)
     corners, turned, power = (best.parameters[name] for name in ("a", "b", "power"))
-    true = np.log(2) / 4 * (theta.max() / 2 / 8.0) ** 4
+    true = np.log(2) / 4 * (widest_deg / 2 / 8.0) ** 4
     assert abs(corners.value - true) < 3 * corners.stderr
     assert abs(turned.value) < 3 * turned.stderr
     assert abs(power.value - 4.0) < 3 * power.stderr
     # Drawn all round, brightest in the corners.
     assert abs(best.at[int(np.argmax(best.factor))]) % 90 == pytest.approx(45, abs=2)
     assert len(best.read_at) > 8
+
+
+def test_a_steeper_square_is_told_and_its_ladder_falls() -> None:
+    """Of power 8 and turned it is no unknown's form: it has a term of eight times the direction too. A rung
+    with the corners alone, at their size beside the beam's steepness, left millions of per cent."""
+    verdict = of_square(square(8.0, 30.0, seed=5)[0])
+    best = verdict.left_over[0]
+    assert (best.name, best.beside) == ("square_beam", ["beam_shape"])
+    chi2 = [rung.chi2_per_dof for rung in verdict.ladder]
+    errors = [rung.error_percent for rung in verdict.ladder]
+    assert chi2 == sorted(chi2, reverse=True) and errors == sorted(errors, reverse=True)
+    assert errors[-1] < 0.01 * errors[0]
+    (water,) = (e for path, e in verdict.ladder[-1].parameters.items() if path == "water.absorption_per_m")
+    assert abs(water.value - 0.08) < 3 * water.stderr
 
 
 @pytest.mark.slow
