@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from lightfield.arrays import Array
 
+#: What the lower end of a parameter is, see `FitParameter`.
+Lowest = Literal["edge", "none", "sudden"]
 #: Path of the reading per unit of light, or the beginning of one per wavelength.
 GAIN = "gain"
 
@@ -46,8 +48,9 @@ class FitParameter:
         "inverse-square" (the fit moves (10/value)^2, 0 standing for infinitely wide).
     limits : tuple of float
         What a scene can have, in the fit's own coordinate.
-    may_be_none : bool
-        Its lower end is no edge of what is plausible, but a value like others: nothing reflects.
+    lowest : str
+        What its lower end is: an "edge" of what is plausible, or a value like others, at which there is
+        "none" of something (a face reflects nothing) or a change is "sudden".
     """
 
     path: str
@@ -57,7 +60,7 @@ class FitParameter:
     step: float
     coordinate: str = "linear"
     limits: tuple[float, float] = (-np.inf, np.inf)
-    may_be_none: bool = False
+    lowest: Lowest = "edge"
 
     @property
     def is_held(self) -> bool:
@@ -72,9 +75,9 @@ class FitParameter:
         """The bound that is nearer to the coordinate `u`."""
         return self.low if u - self.low <= self.high - u else self.high
 
-    def is_none(self, u: float) -> bool:
+    def is_answer(self, u: float) -> bool:
         """Is `u`, at a bound, the end that is a value like others?"""
-        return self.may_be_none and self.end_near(u) == self.low
+        return self.lowest != "edge" and self.end_near(u) == self.low
 
     def value(self, u: float) -> float:
         """Scene value at the fit's coordinate `u`."""

@@ -13,6 +13,7 @@ from lightfield.scene.curve import value_at
 
 if TYPE_CHECKING:
     from lightfield.scene import Scene
+    from lightfield.scene.detector import Detector
 
 
 def time_factor(scene: Scene, time_s: ArrayLike) -> Array:
@@ -106,12 +107,12 @@ def plane_gain(scene: Scene, z_m: ArrayLike | None) -> Array | float:
 def ambient(
     scene: Scene, time_s: ArrayLike | None = None, wavelength_nm: ArrayLike | None = None
 ) -> Array | float:
-    """Reading without the lamp: (B + departure(wavelength)) (1 + d t).
+    """Reading without the lamp: (B + departure(wavelength)) (1 + d t), and what is switched on.
 
     Parameters
     ----------
     scene : Scene
-        detector.background, background_departure, background_drift_per_hour.
+        detector.background, background_departure, background_drift_per_hour, background_step.
     time_s, wavelength_nm : array, s and nm, optional
         As `Taken` has them.
     """
@@ -121,10 +122,25 @@ def ambient(
         middle = float(np.mean(detector.bands_nm[0]))
         wave = np.asarray(middle if wavelength_nm is None else wavelength_nm, dtype=float)
         level = level + value_at(detector.background_departure, np.where(np.isnan(wave), middle, wave))
-    if time_s is None or not detector.background_drift_per_hour:
+    if time_s is None:
         return level
-    hours = np.nan_to_num(np.asarray(time_s, dtype=float)) / 3600.0
-    return np.asarray(level * (1.0 + detector.background_drift_per_hour * hours))
+    time = np.nan_to_num(np.asarray(time_s, dtype=float))
+    if detector.background_drift_per_hour:
+        level = level * (1.0 + detector.background_drift_per_hour * time / 3600.0)
+    if detector.background_step:
+        level = level + detector.background_step * _switched_on(detector, time)
+    return level
+
+
+def _switched_on(detector: Detector, time_s: Array) -> Array:
+    """Part of the ambient light's step that is there at these times: none, all of it, or between."""
+
+    def after(moment_s: float) -> Array:
+        return np.asarray(0.5 * (1.0 + np.tanh((time_s - moment_s) / detector.background_step_over_s)))
+
+    on = after(detector.background_step_s)
+    lasts_s = detector.background_step_for_s
+    return on - after(detector.background_step_s + lasts_s) if lasts_s else on
 
 
 def immersed(scene: Scene, in_air: ArrayLike | None = None) -> Array | float:

@@ -101,6 +101,20 @@ class Detector(Part):
         0.0, "1/h", "background changes by 1 + d t",
         Acts.READOUT, low=-1000.0, high=1000.0, neutral=0.0,
     )  # fmt: skip
+    background_step: float = number(
+        0.0, "reading", "added to the background from a moment on: ambient light that is switched",
+        Acts.READOUT, low=-1e9, high=1e9, neutral=0.0, later=True,
+    )  # fmt: skip
+    background_step_s: float = number(
+        0.0, "s", "when it is added", Acts.READOUT, low=-1e12, high=1e12, later=True
+    )
+    background_step_for_s: float = number(
+        0.0, "s", "how long it stays; 0: to the end", Acts.READOUT, low=0.0, high=1e12, later=True
+    )
+    background_step_over_s: float = number(
+        10.0, "s", "within this time before and after the moment most of it comes (tanh), or goes",
+        Acts.READOUT, above=0.0, high=1e12, later=True,
+    )  # fmt: skip
     background_departure: ShownCurve = declare(
         (), "[[wavelength_nm, reading], ...] added to the background: linear between, constant beyond",
         Acts.READOUT, neutral=(), later=True,

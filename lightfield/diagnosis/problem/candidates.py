@@ -145,6 +145,8 @@ class Setting:
             "hwhm": (self.hwhm_deg, 0.0),
             "hours": (span_s / 3600, 0.0),
             "seconds": (span_s, 0.0),
+            "moment": (span_s, float(time.min()) if self.layout.has_time else 0.0),
+            "interval": (span_s / max(len(np.unique(time)) - 1, 1), 0.0),
             "inverse_hours": (3600 / span_s, 0.0),
             "range": (max(far - near, _SHORTEST_RANGE_M), near),
             "heights": (max(high - low, _SHORTEST_RANGE_M), low),
@@ -236,7 +238,7 @@ def _parameter(
         low, high = max(low, limits[0]), min(high, limits[1])
     grid = offset + factor * np.array(free.grid)
     step = STEP * factor * free.typical
-    parameter = FitParameter(free.path, low, high, now, step, coordinate, limits, free.may_be_none)
+    parameter = FitParameter(free.path, low, high, now, step, coordinate, limits, free.lowest)
     start = parameter.coordinate_of(now)
     if not shape:
         low, high = min(low, start), max(high, start)  # what the scene has is plausible

@@ -42,10 +42,10 @@ class FittedSet:
         return {path for path, at in at_bound if at and field_of(path) != PROFILE}
 
     @cached_property
-    def none_of(self) -> set[str]:
-        """Paths of amplitudes of which there is none, as there may be: a face that reflects nothing."""
-        found, amplitudes = self.fit.by_path, [p for c in self.explanation for p in c.amplitudes]
-        return self.bounded & {p.path for p in amplitudes if p.is_none(found[p.path])}
+    def lowest(self) -> set[str]:
+        """Paths of what lies at a lowest value that is an answer: a face that reflects nothing."""
+        found, own = self.fit.by_path, [p for c in self.explanation for p in c.parameters]
+        return self.bounded & {p.path for p in own if p.is_answer(found[p.path])}
 
     @cached_property
     def edges(self) -> set[str]:
@@ -55,7 +55,7 @@ class FittedSet:
         reflects nothing one.
         """
         found = self.fit.by_path
-        return (self.bounded - self.none_of) & {
+        return (self.bounded - self.lowest) & {
             p.path
             for c in self.explanation
             for p, off in zip(c.amplitudes, c.neutral, strict=True)
@@ -132,7 +132,7 @@ class ScoredSet:
     def at_bound(self) -> bool:
         """Does any parameter of the effects lie at a bound, a shape included?"""
         known = FittedSet(self.explanation, self.fit)
-        return not (known.bounded - known.none_of).isdisjoint(
+        return not (known.bounded - known.lowest).isdisjoint(
             p.path for c in self.explanation for p in c.parameters
         )
 
@@ -147,11 +147,11 @@ class ScoredSet:
     def undetermined(self) -> bool:
         """Is the error of an amplitude wider than what is plausible of it? Of a curve, of every one: gain and
         width of the beam make up for single ones."""
-        errors, none_of = self.fit.stderr(self.scale), FittedSet(self.explanation, self.fit).none_of
+        errors, lowest = self.fit.stderr(self.scale), FittedSet(self.explanation, self.fit).lowest
         wide = {
             p.path: not errors[p.path] <= p.width(u)
             for p, u in zip(self.fit.model.parameters, self.fit.u, strict=True)
-            if not p.is_held and p.path not in none_of
+            if not p.is_held and p.path not in lowest
         }
         return any(
             (all if c.name in curves() else any)(wide[p.path] for p in c.amplitudes if p.path in wide)

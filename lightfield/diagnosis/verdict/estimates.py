@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
 from lightfield.diagnosis.verdict.parts import Estimate, Reason
 from lightfield.fitting.curves import PROFILE, field_of
+from lightfield.fitting.effects.detector import SUDDEN
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
+#: Within what time light is switched, and the moments that numbers of it hold.
+_OVER: Final = "detector.background_step_over_s"
+_MOMENTS: Final = {"detector.background_step_s": 1, "detector.background_step_for_s": 2}
 #: What reflects all at most, however large it is stated.
 _FLOOR, _END = "tank.floor_over_walls", "tank.end_over_walls"
 #: An error that is no smaller than this part of the stated one says nothing new. Chosen: words alone.
@@ -36,7 +41,7 @@ def estimates(
     least_of_set : mapping, optional
         The same, were the effects that are fitted all that act; None: that is not told.
     """
-    errors, bound, most = fit.stderr(scale), fit.at_bound(), _white_faces(fit)
+    errors, bound, most = _with_moments(fit, fit.stderr(scale)), fit.at_bound(), _white_faces(fit)
     out = {}
     for i, path in enumerate(fit.paths):
         value, error = (
@@ -47,8 +52,8 @@ def estimates(
         reason: Reason | None = None
         if fit.model.parameters[i].is_held:
             reason = Reason.HELD
-        elif bound[i] and fit.model.parameters[i].is_none(fit.u[i]):
-            reason = Reason.NONE
+        elif bound[i] and fit.model.parameters[i].is_answer(fit.u[i]):
+            reason = Reason.SUDDEN if fit.model.parameters[i].lowest == "sudden" else Reason.NONE
         elif bound[i] or path in most:
             # A lamp's curve is held from bending more than lamps do: that is no edge of what is plausible.
             reason = Reason.BENDS_NO_MORE if field_of(path) == PROFILE else Reason.AT_BOUNDARY
@@ -66,6 +71,19 @@ def estimates(
             unit=units.get(path, "reading"),
             reason=reason,
         )
+    return out
+
+
+def _with_moments(fit: Fit, errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors by path; of a sudden switch it is known between which readings it was, and no more."""
+    out, found = dict(errors), fit.by_path
+    if _OVER in found:
+        at = fit.model.parameters[fit.paths.index(_OVER)]
+        if fit.at_bound()[fit.paths.index(_OVER)] and at.is_answer(found[_OVER]):
+            between_s = at.value(found[_OVER]) / SUDDEN * np.sqrt(1 / 12)  # of an even distribution
+            for path, moments in _MOMENTS.items():
+                if path in out:
+                    out[path] = float(np.hypot(out[path], np.sqrt(moments) * between_s))
     return out
 
 

@@ -43,6 +43,7 @@ class Reason(Word):
     UNDETERMINED = "undetermined"
     TOO_WIDE = "undetermined: error wider than the allowed range"
     NONE = "none at all"
+    SUDDEN = "as sudden as these readings tell"
     BENDS_NO_MORE = "bends no more"
     BEFORE_ALL = "before all readings"
 

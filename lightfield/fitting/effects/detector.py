@@ -7,6 +7,16 @@ from __future__ import annotations
 
 from lightfield.fitting.effects.effect import Effect, Form, Free
 
+#: Parts of the scan at which a switch is sought. Chosen: a fit moves it across the readings between.
+_MOMENTS = tuple((k + 0.5) / 10 for k in range(10))
+#: A switch over this part of the time between readings is sudden. Derived: half of that time before and after
+#: the moment all but 2 % of it, tanh(2), is done.
+SUDDEN = 0.25
+#: Light is switched from one reading to the next, or comes within some. Chosen: what takes longer is a drift.
+_OVER = Free(
+    "detector.background_step_over_s", SUDDEN, 10.0, 1.0, per="interval", grid=(1.0,), lowest="sudden"
+)
+
 EFFECTS = (
     Effect(
         "background",
@@ -28,12 +38,36 @@ EFFECTS = (
                     ),
                 ),
             ),
+            Form(
+                "switched",
+                (
+                    Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+                    Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+                ),
+                (
+                    Free("detector.background_step_s", 0.0, 1.0, 0.02, per="moment", grid=_MOMENTS),
+                    _OVER,
+                ),
+            ),
+            Form(
+                "on for a while",
+                (
+                    Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+                    Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+                ),
+                (
+                    Free("detector.background_step_s", 0.0, 1.0, 0.02, per="moment", grid=_MOMENTS),
+                    Free("detector.background_step_for_s", 0.02, 0.9, 0.02, per="seconds", grid=(0.1, 0.3)),
+                    _OVER,
+                ),
+            ),
         ),
         "Ambient light, or a dark signal left in (or over-subtracted from) the readings.",
         "The same amount everywhere: dominates far off the axis and at far planes. Ambient light changes "
-        "with the hour and a dark signal with the temperature, at bright and dark places alike.",
+        "with the hour, or when it is switched, and a dark signal with the temperature, at bright and dark "
+        "places alike.",
         "Read with the lamp off and with the detector capped: the first is ambient, the second dark signal. "
-        "Do so again at the end.",
+        "Do so again at the end. Ask who switched the light of the hall.",
     ),
     Effect(
         "saturation",

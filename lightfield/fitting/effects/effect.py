@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
+from lightfield.fitting.parameter import Lowest
 from lightfield.scene.acts import DIFFUSE, Acts
 from lightfield.scene.all_parameters import acts_on
 
@@ -24,6 +25,8 @@ Scale = Literal[
     "hours",
     "inverse_hours",
     "seconds",
+    "moment",
+    "interval",
     "range",
     "heights",
     "nearest",
@@ -70,7 +73,8 @@ class Free:
         What the numbers are multiples of: "one" (the parameter's own unit), "power" (of the scene's lamp),
         "signal" (largest reading),
         "inverse_signal", "hwhm" (beam half width), "hours" or "seconds" (duration of the scan),
-        "inverse_hours", "range" (0 = nearest, 1 = farthest plane), "heights" (0 = lowest, 1 = highest of lamp
+        "inverse_hours", "moment" (0 = first, 1 = last reading), "interval" (mean time from one reading to the
+        next), "range" (0 = nearest, 1 = farthest plane), "heights" (0 = lowest, 1 = highest of lamp
         and readings), "nearest" (distance of the nearest plane, or of the scene's own if it is nearer),
         "spread" (of the attenuation in the band, 1/m, as water may have it), "attenuation" (of the scene's
         water, 1/m).
@@ -85,8 +89,9 @@ class Free:
         Conditions on the readings without which this parameter stays fixed.
     real : float, optional
         The most that there is of it, where a fit may go beyond by its error; no more is hidden.
-    may_be_none : bool
-        Its lowest value is one like others: a face that reflects nothing. A fit that ends there is an answer.
+    lowest : str
+        What its lowest value is: an "edge" of what is plausible, or one like others, with "none" of something
+        (a face reflects nothing) or "sudden". A fit that ends there is an answer.
     """
 
     path: str
@@ -99,7 +104,7 @@ class Free:
     square: bool = False
     needs: tuple[Need, ...] = ()
     real: float | None = None
-    may_be_none: bool = False
+    lowest: Lowest = "edge"
 
 
 @dataclass(frozen=True)

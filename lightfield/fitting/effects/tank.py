@@ -17,7 +17,7 @@ EFFECTS = (
     Effect(
         "floor_reflection",
         "diffuse light",
-        (Form("other albedo", (Free("tank.floor_over_walls", 0.0, 20.0, 0.5, may_be_none=True),)),),
+        (Form("other albedo", (Free("tank.floor_over_walls", 0.0, 20.0, 0.5, lowest="none"),)),),
         "The floor reflects more than the walls (sand, concrete, paint that has come off), or less (silt).",
         "Beside reflecting walls: an excess from below, which grows towards the floor. On one line at one "
         "height nearly the same as brighter walls.",
@@ -27,7 +27,7 @@ EFFECTS = (
     Effect(
         "end_reflection",
         "diffuse light",
-        (Form("other albedo", (Free("tank.end_over_walls", 0.0, 20.0, 0.5, may_be_none=True),)),),
+        (Form("other albedo", (Free("tank.end_over_walls", 0.0, 20.0, 0.5, lowest="none"),)),),
         "The far end reflects more than the walls (a white screen, a door), or less (a black curtain).",
         "Beside reflecting walls: more or less light that comes back from where the beam ends; of a narrow "
         "beam in a short tank that is most of what walls send.",

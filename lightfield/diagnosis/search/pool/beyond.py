@@ -28,7 +28,7 @@ def at_ends(explanation: Explanation, fit: Fit) -> set[str]:
         p.path
         for c in explanation
         for p, off in zip(c.amplitudes, c.neutral, strict=True)
-        if p.path in bounded and p.end_near(at[p.path]) != off and not p.is_none(at[p.path])
+        if p.path in bounded and p.end_near(at[p.path]) != off and not p.is_answer(at[p.path])
     }
 
 

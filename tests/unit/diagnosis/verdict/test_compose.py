@@ -356,7 +356,7 @@ def test_no_floor_is_told_that_reflects_more_than_all() -> None:
     forward = SceneForward(scene, readings()[0], None)
     paths = ("tank.wall_albedo", "tank.floor_over_walls")
     walls = FitParameter(paths[0], 0.0, 1.0, 0.1, 1e-3)
-    parameters = walls, replace(walls, path=paths[1], high=20.0, may_be_none=True)
+    parameters = walls, replace(walls, path=paths[1], high=20.0, lowest="none")
     for floor, told, reason in ((7.0, 2.5, Reason.AT_BOUNDARY), (2.0, 2.0, None), (0.0, 0.0, Reason.NONE)):
         slopes = np.diag([10.0, 5.0 * (floor == told)])
         fit = Fit(

@@ -115,7 +115,7 @@ def test_a_face_that_reflects_nothing_lies_at_no_edge(short: float) -> None:
     """A black curtain at the end of a tank was "only with a parameter at the edge of what is plausible"."""
     plain = candidate("odd", 0.0, 3.0)
     like_walls = replace(plain, amplitudes=(replace(plain.amplitudes[0], start=1.0),), neutral=(1.0,))
-    black = replace(like_walls, amplitudes=(replace(like_walls.amplitudes[0], may_be_none=True),))
+    black = replace(like_walls, amplitudes=(replace(like_walls.amplitudes[0], lowest="none"),))
 
     def ended(u: float) -> SimpleNamespace:
         return SimpleNamespace(
