@@ -84,7 +84,8 @@ CAMPAIGNS = (
         ("apparent_source", "beam_offset", "beam_tilt", "beam_shape", "beam_skirt", "beam_asymmetry",
          "lamp_drift", "lamp_size", "scattering", "water_gradient", "water_drift", "background",
          "saturation", "acceptance", "detector_tilt", "cosine_error", "spectral_hardening", "plane_gain",
-         "attenuation_profile", "lamp_power_curve"),
+         "attenuation_profile", "lamp_power_curve", "background_curve", "background:switched",
+         "background:on for a while"),
     ),
     Campaign("grid", _scene(), "grid", ("beam_ellipticity", "stratification", "stratification:bottom layer")),
     Campaign(

@@ -12,6 +12,7 @@ every curve is a departure from it and nothing else:
     water.scattering_departure  s(l), b = b_stated exp(s)     int s''^2                without 1
     detector.plane_departure    g(z), gain = exp(g)           none: each plane's own   without 1, z
     detector.background_departure  b(l), background + b       int b''^2                without nothing
+    detector.background_course     b(t), background + b       int b''^2                without nothing
 
 An amplitude is the weighted rms of what its function changes in the logarithm of the readings; of
 scattering in that of the coefficient; of a background, which is added, the most that it adds, over the
@@ -48,7 +49,8 @@ PROFILE, ABSORPTION, POWER = (
 )
 SPECTRUM, COLOUR, PLANES = "lamp.spectrum_departure", "water.colour_departure", "detector.plane_departure"
 BACKGROUND, HALO = "detector.background_departure", "water.scattering_departure"
-FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, HALO, PLANES, BACKGROUND)
+AMBIENT = "detector.background_course"
+FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, HALO, PLANES, BACKGROUND, AMBIENT)
 #: Most functions of each: of a lamp's profile 7 left rings and flat tops unexplained that 11 explain, and 11
 #: a measured flood with a steep edge and a step (what 7, 11 and 19 miss of 105 readings without noise: 1676,
 #: 136, 17 in chi-square; lamps of `benchmarks/many_effects`), and 19 a flat top whose edge falls by a factor
@@ -57,6 +59,7 @@ FIELDS = (PROFILE, ABSORPTION, POWER, SPECTRUM, COLOUR, HALO, PLANES, BACKGROUND
 #: distances has three, and hardly more are told apart at fifteen; six are a lamp's warm-up and a step. Eight
 #: follow the colour of a filter or of pigments 50 nm apart. Planes have a gain each, or are not asked.
 _MOST = {PROFILE: 51, ABSORPTION: 4, POWER: 6, SPECTRUM: 8, COLOUR: 8, HALO: 8, PLANES: 30, BACKGROUND: 8}
+_MOST[AMBIENT] = 24
 #: Nodes of a lamp's profile: one in a quarter of a degree where readings reach 25. A flat top with a ring
 #: falls by a factor of eight within a degree; with 61 nodes its edge was told to be a ripple over the angle,
 #: and chi-square per reading stayed at 4.8 (1.8 with these). Chosen.
@@ -121,7 +124,14 @@ class Curves:
     def bases(self) -> dict[str, Basis]:
         """Basis of every curve that the readings can tell of, by the scene's field."""
         found = (self._profile(), self._absorption(), self._power())
-        more = (self._spectrum(), self._colour(), self._halo(), self._planes(), self._background())
+        more = (
+            self._spectrum(),
+            self._colour(),
+            self._halo(),
+            self._planes(),
+            self._daylight(),
+            self._ambient(),
+        )
         return {basis.field: basis for basis in (*found, *more) if basis is not None}
 
     @cached_property
@@ -155,7 +165,7 @@ class Curves:
             curve = basis.curve(np.array(amplitudes))
             if field == PROFILE:
                 curve = self._dim_beyond(basis.place, curve, width_deg)
-            return self._added(field, basis.place, curve)
+            return self._with_stated(field, basis.place, curve)
 
         return lru_cache(_REMEMBERED)(nodes)
 
@@ -171,7 +181,7 @@ class Curves:
         most = curve[last] + light[last] - light
         return np.where(beyond, np.minimum(curve, most), curve)
 
-    def _added(self, field: str, place: Array, curve: Array) -> Nodes:
+    def _with_stated(self, field: str, place: Array, curve: Array) -> Nodes:
         """Nodes of a curve together with what the scene has already."""
         return sum_of(self.scene.get(field), tuple(zip(place.tolist(), curve.tolist(), strict=True)))
 
@@ -296,20 +306,26 @@ class Curves:
         used = self.weight > 0
         return replace(found, told=int(used.sum()) - len(np.unique(wave[used])))
 
-    def _background(self) -> Basis | None:
+    def _daylight(self) -> Basis | None:
         wave = self._colours
-        if wave is None:
-            return None
+        found = None if wave is None else self._added(BACKGROUND, wave)
+        return found and self._by_its_readings(found, wave)
+
+    def _ambient(self) -> Basis | None:
+        time = np.asarray(self.readings.time_s, float)
+        return self._added(AMBIENT, time) if np.isfinite(time).all() and np.ptp(time) > 0 else None
+
+    def _added(self, field: str, at: Array) -> Basis | None:
+        """Readings without the lamp over a coordinate: amplitudes are the most that is added."""
 
         def added(nodes: Nodes, at: Array) -> Array:
             return np.asarray(value_at(nodes, at) / self.light)
 
-        found = self._basis(BACKGROUND, replace(bent(wave), known=0), wave, added)
+        found = self._basis(field, replace(bent(at), known=0), at, added)
         if found is None:
             return None
         unit = self._top / np.abs(found.functions).max(axis=0)
-        found = replace(found, functions=found.functions * unit, size=found.size * unit, most=np.inf)
-        return self._by_its_readings(found, wave)
+        return replace(found, functions=found.functions * unit, size=found.size * unit, most=np.inf)
 
     def _planes(self) -> Basis | None:
         z = np.asarray(self.readings.z_m, float)

@@ -15,6 +15,7 @@ from lightfield.decompositions import eigen
 from lightfield.fitting.beam_width import beam_width_deg
 from lightfield.fitting.curves import (
     ABSORPTION,
+    AMBIENT,
     BACKGROUND,
     BEYOND,
     COLOUR,
@@ -137,6 +138,7 @@ _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     HALO: ("wavelength (nm)", "scattering b (1/m)", _scattering),
     PLANES: ("z (m)", "gain of the plane", _plane_gain),
     BACKGROUND: ("wavelength (nm)", "reading without the lamp", _background),
+    AMBIENT: ("time (s)", "reading without the lamp", ambient),
 }
 
 
@@ -211,7 +213,7 @@ def _with_finer(fit: Fit, scale: float) -> Array:
     They are counted as errors of these, which between them leave no place out.
     """
     covariance = fit.covariance_within_ranges(scale)
-    for field in {field_of(path) for path in fit.paths} & {PROFILE, ABSORPTION, POWER}:
+    for field in {field_of(path) for path in fit.paths} & {PROFILE, ABSORPTION, POWER, AMBIENT}:
         mine = {
             int(path.rpartition(".")[2]): i for i, path in enumerate(fit.paths) if field_of(path) == field
         }

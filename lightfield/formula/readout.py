@@ -107,12 +107,13 @@ def plane_gain(scene: Scene, z_m: ArrayLike | None) -> Array | float:
 def ambient(
     scene: Scene, time_s: ArrayLike | None = None, wavelength_nm: ArrayLike | None = None
 ) -> Array | float:
-    """Reading without the lamp: (B + departure(wavelength)) (1 + d t), and what is switched on.
+    """Reading without the lamp: (B + departure(wavelength)) (1 + d t) + course(t), and what is switched on.
 
     Parameters
     ----------
     scene : Scene
-        detector.background, background_departure, background_drift_per_hour, background_step.
+        detector.background, background_departure, background_drift_per_hour, background_course,
+        background_step.
     time_s, wavelength_nm : array, s and nm, optional
         As `Taken` has them.
     """
@@ -127,6 +128,8 @@ def ambient(
     time = np.nan_to_num(np.asarray(time_s, dtype=float))
     if detector.background_drift_per_hour:
         level = level * (1.0 + detector.background_drift_per_hour * time / 3600.0)
+    if detector.background_course:
+        level = level + value_at(detector.background_course, time)
     if detector.background_step:
         level = level + detector.background_step * _switched_on(detector, time)
     return level

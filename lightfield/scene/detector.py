@@ -115,6 +115,10 @@ class Detector(Part):
         10.0, "s", "within this time before and after the moment most of it comes (tanh), or goes",
         Acts.READOUT, above=0.0, high=1e12, later=True,
     )  # fmt: skip
+    background_course: ShownCurve = declare(
+        (), "[[time_s, reading], ...] added to the background: linear between, constant beyond",
+        Acts.READOUT, neutral=(), later=True,
+    )  # fmt: skip
     background_departure: ShownCurve = declare(
         (), "[[wavelength_nm, reading], ...] added to the background: linear between, constant beyond",
         Acts.READOUT, neutral=(), later=True,

@@ -22,6 +22,7 @@ WORDS: dict[str, Any] = {
     "water.colour_departure": ((480.0, 0.02), (580.0, -0.01)),
     "water.scattering_departure": ((480.0, 0.4), (580.0, -0.3)),
     "detector.plane_departure": ((4.5, 0.02), (6.5, -0.01)),
+    "detector.background_course": ((0.0, 0.02), (900.0, 0.01)),
     "detector.background_departure": ((480.0, 0.02), (580.0, 0.01)),
     "water.absorption_departure": ((4.0, -0.02), (7.0, 0.03)),
     "water.absorption_at": ((480.0, 0.15), (580.0, 0.2)),
@@ -90,7 +91,8 @@ def scenes_of_every_field(folder: Path) -> list[Scene]:
                      "panes": "all", "pane_reflectance": 0.5},
             "detector": {
                 "width_m": 1.0, "height_m": 0.8, "acceptance_hwhm_deg": 20.0, "saturation": 0.1,
-                "background": 0.1, "cosine_error": 0.1, "tilt_x_deg": 2.0,
+                "background": 0.1, "cosine_error": 0.1, "tilt_x_deg": 2.0, "background_step": 0.05,
+                "background_step_s": 800.0, "background_step_for_s": 600.0, "background_step_over_s": 300.0,
             },
         }
     )  # fmt: skip

@@ -48,6 +48,8 @@ def why_fixed(e: Experiment, scene: Scene) -> str | None:
         return "the instrument saturates"
     if detector.background_drift_per_hour:
         return "the background drifts"
+    if detector.background_step or detector.background_course:
+        return "ambient light comes and goes"
     if detector.background_departure:
         return "the background has a colour"
     if scene.lamp.width_slope:

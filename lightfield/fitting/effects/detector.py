@@ -45,7 +45,7 @@ EFFECTS = (
                     Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
                 ),
                 (
-                    Free("detector.background_step_s", 0.0, 1.0, 0.02, per="moment", grid=_MOMENTS),
+                    Free("detector.background_step_s", 0.05, 0.95, 0.02, per="moment", grid=_MOMENTS),
                     _OVER,
                 ),
             ),
@@ -56,8 +56,8 @@ EFFECTS = (
                     Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
                 ),
                 (
-                    Free("detector.background_step_s", 0.0, 1.0, 0.02, per="moment", grid=_MOMENTS),
-                    Free("detector.background_step_for_s", 0.02, 0.9, 0.02, per="seconds", grid=(0.1, 0.3)),
+                    Free("detector.background_step_s", 0.05, 0.95, 0.02, per="moment", grid=_MOMENTS),
+                    Free("detector.background_step_for_s", 0.1, 0.9, 0.02, per="seconds", grid=(0.15, 0.35)),
                     _OVER,
                 ),
             ),

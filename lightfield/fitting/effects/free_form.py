@@ -125,4 +125,16 @@ EFFECTS = (
         contains=("background",),
         kind_of=("background",),
     ),
+    Effect(
+        "background_curve",
+        "additive signal",
+        _forms("detector.background_course", (3, 6, 12), refining=(24,), large=0.5, typical=0.002),
+        "Ambient light comes and goes while the scan runs: clouds before the sun, lamps in the room.",
+        "The same amount at bright and dark places, another from one time to the next.",
+        "Read with the lamp off every few minutes, or leave a second detector where the lamp does not shine.",
+        needs=("time",),
+        contains=("background",),
+        apart_from=("background_spectrum",),
+        kind_of=("background",),
+    ),
 )

@@ -240,27 +240,6 @@ def test_many_spectra_with_stray_light_are_diagnosed() -> None:
     found(verdict, hidden)
 
 
-# -- ambient light -------------------------------------------------------------------------------------
-
-
-def test_ambient_light_that_drifts_is_added_by_the_hour() -> None:
-    """0.01 that doubles in an hour, beside 1/16 of light: at 0, 30 min and an unknown time."""
-    scene = Scene.from_dict({"detector": {"background": 0.01, "background_drift_per_hour": 1.0}})
-    read = predict(scene, places(time_s=np.array([0.0, 1800.0, np.nan])))
-    assert read - 1 / 16 == pytest.approx([0.01, 0.015, 0.01], rel=1e-12)
-
-
-def test_ambient_light_that_drifts_is_a_form_of_the_background() -> None:
-    hidden = {"detector.background": 0.004, "detector.background_drift_per_hour": 3.0}
-    verdict = diagnosed(hidden, seed=2)
-    assert (verdict.verdict, verdict.effects) == ("identified", ["background"])
-    assert verdict.explanations[0].forms == ["drifting"]
-    found(verdict, hidden)
-    constant = diagnosed({"detector.background": 0.006}, seed=2)
-    assert constant.effects == ["background"]
-    assert "detector.background_drift_per_hour" not in constant.explanations[0].parameters
-
-
 # -- collectors ----------------------------------------------------------------------------------------
 
 

@@ -233,7 +233,7 @@ def test_a_lamp_that_changes_in_its_own_way_is_found() -> None:
 def test_curves_are_kept_apart_from_named_effects() -> None:
     """They are no candidates of a search among named effects, and never stand beside what they contain."""
     table = readings()
-    told = {"beam_profile", "attenuation_profile", "lamp_power_curve", "plane_gain"}  # by one colour
+    told = {"beam_profile", "attenuation_profile", "lamp_power_curve", "plane_gain", "background_curve"}
     names = [*effects.table(), *effects.curves()]
     found = problem(table, *names)
     assert not any(c.effect.is_free_form for c in found.candidates)
@@ -243,7 +243,8 @@ def test_curves_are_kept_apart_from_named_effects() -> None:
     # Five distances tell of three functions beside gain and absorption, the angles of 45 beside gain and
     # width.
     few = {"attenuation_profile": [2, 3], "plane_gain": [3]}
-    assert sizes == {"beam_profile": [2, 4, 7, 11, 19, 31, 45], "lamp_power_curve": [3, 6], **few}
+    in_time = {"lamp_power_curve": [3, 6], "background_curve": [3, 6, 12, 24]}
+    assert sizes == {"beam_profile": [2, 4, 7, 11, 19, 31, 45], **in_time, **few}
     # Of these two leave one distance over, that could contradict them; and three none.
     spare = [c.spare for c in found.curves if c.name == "attenuation_profile"]
     assert spare == [1, 0]
@@ -260,7 +261,9 @@ def test_readings_that_cannot_tell_a_curve_say_so() -> None:
     one_plane = replace(table.subset(there), time_s=np.full(there.sum(), np.nan))
     _, why = problem_of(SceneForward(believed(), one_plane), one_plane, effects.curves().values(), None)
     of_colours = {"attenuation_spectrum", "lamp_spectrum", "background_spectrum", "scattering_spectrum"}
-    assert set(why) == {"attenuation_profile", "lamp_power_curve", "plane_gain"} | of_colours
+    assert (
+        set(why) == {"attenuation_profile", "lamp_power_curve", "plane_gain", "background_curve"} | of_colours
+    )
     two = table.subset(table.z_m < 6)
     _, why = problem_of(SceneForward(believed(), two), two, effects.curves().values(), None)
     assert why["attenuation_profile"] == (Hindrance(Hinders.FEW_PLACES),)

@@ -126,9 +126,11 @@ def test_every_effect_says_how_to_check_it() -> None:
 
 
 def test_second_forms_exist_where_nature_has_two() -> None:
-    """Linear drift or warm-up, gradient or layer, two kinds of saturation, ambient light that drifts."""
-    for name in ("lamp_drift", "water_gradient", "saturation", "background"):
+    """Linear drift or warm-up, gradient or layer, two kinds of saturation."""
+    for name in ("lamp_drift", "water_gradient", "saturation"):
         assert len(effects.get(name).forms) == 2
+    ambient = [form.name for form in effects.get("background").forms]
+    assert ambient == ["constant", "drifting", "switched", "on for a while"]
 
 
 def test_a_package_can_add_an_effect(monkeypatch: pytest.MonkeyPatch, fresh_table: None) -> None:
