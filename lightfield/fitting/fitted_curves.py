@@ -129,6 +129,10 @@ def _background(scene: Scene, wavelength_nm: Array) -> Array:
     return ambient(scene, None, wavelength_nm) * np.ones(wavelength_nm.size)
 
 
+def _ambient(scene: Scene, time_s: Array) -> Array:
+    return ambient(scene, time_s) * np.ones(time_s.size)
+
+
 _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     PROFILE: ("angle from the beam's axis (deg)", "intensity / that on the axis", _intensity),
     ABSORPTION: ("z (m)", "attenuation K (1/m)", _attenuation),
@@ -138,7 +142,7 @@ _SHOWN: dict[str, tuple[str, str, Callable[[Scene, Array], Array]]] = {
     HALO: ("wavelength (nm)", "scattering b (1/m)", _scattering),
     PLANES: ("z (m)", "gain of the plane", _plane_gain),
     BACKGROUND: ("wavelength (nm)", "reading without the lamp", _background),
-    AMBIENT: ("time (s)", "reading without the lamp", ambient),
+    AMBIENT: ("time (s)", "reading without the lamp", _ambient),
 }
 
 

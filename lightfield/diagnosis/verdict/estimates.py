@@ -14,9 +14,12 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
-#: Within what time light is switched, and the moments that numbers of it hold.
+#: Within what time light is switched, and how many moments each number of it holds. Derived: a duration has
+#: two.
 _OVER: Final = "detector.background_step_over_s"
 _MOMENTS: Final = {"detector.background_step_s": 1, "detector.background_step_for_s": 2}
+#: Standard deviation of what lies anywhere in an interval, over its length. Derived.
+_EVEN: Final = 12**-0.5
 #: What reflects all at most, however large it is stated.
 _FLOOR, _END = "tank.floor_over_walls", "tank.end_over_walls"
 #: An error that is no smaller than this part of the stated one says nothing new. Chosen: words alone.
@@ -80,7 +83,7 @@ def _with_moments(fit: Fit, errors: Mapping[str, float]) -> dict[str, float]:
     if _OVER in found:
         at = fit.model.parameters[fit.paths.index(_OVER)]
         if fit.at_bound()[fit.paths.index(_OVER)] and at.is_answer(found[_OVER]):
-            between_s = at.value(found[_OVER]) / SUDDEN * np.sqrt(1 / 12)  # of an even distribution
+            between_s = at.value(found[_OVER]) / SUDDEN * _EVEN
             for path, moments in _MOMENTS.items():
                 if path in out:
                     out[path] = float(np.hypot(out[path], np.sqrt(moments) * between_s))
