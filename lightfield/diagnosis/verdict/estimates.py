@@ -14,9 +14,9 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 
-#: Within what time light is switched, and how many moments each number of it holds. Derived: a duration has
-#: two.
+#: Within what time light is switched.
 _OVER: Final = "detector.background_step_over_s"
+#: How many moments each number of it holds. Derived: a duration lies between two.
 _MOMENTS: Final = {"detector.background_step_s": 1, "detector.background_step_for_s": 2}
 #: Standard deviation of what lies anywhere in an interval, over its length. Derived.
 _EVEN: Final = 12**-0.5
