@@ -131,3 +131,4 @@ def test_light_that_comes_and_goes_is_a_curve_in_time() -> None:
     inside = slice(10, -10)
     assert np.sqrt(np.mean(((curve.value - true) / curve.stderr)[inside] ** 2)) < 1.6
     assert np.mean(curve.stderr[inside]) < 0.1 * np.ptp(true)
+    assert curve.without.shape == curve.at.shape
