@@ -45,21 +45,7 @@ def run_regime(
 ) -> tuple[SweepPlan, SweepProgress, xr.Dataset]:
     """Run the sweep, or what is left of it: its plan, what was done, and the regime map (`regime_map`).
 
-    Parameters
-    ----------
-    scene : Scene
-        As `regime_plan` takes it.
-    store : Path
-        Of the sweep.
-    **how
-        As `run_sweep` takes it: workers, report.
-
-    Raises
-    ------
-    SceneError
-        As `regime_plan`.
-    OutputError
-        A store of another sweep, or a full disk.
+    Scene, settings and errors as of `regime_plan` and `run_sweep`, which is told `how` (workers, report).
     """
     plan = regime_plan(scene, settings)
     done = run_sweep(plan, store, **how)
