@@ -178,12 +178,7 @@ class RuleError(ValueError):
     """
 
     def __init__(
-        self,
-        rule: str,
-        remedy: str | None = None,
-        *,
-        found: object = None,
-        about: tuple[Complaint, ...] = (),
+        self, rule: str, remedy: str | None = None, *, found: object = None, about: tuple[Complaint, ...] = ()
     ) -> None:
         self.rule, self.remedy, self.found, self.about = rule, remedy, found, about
         super().__init__(str(Complaint(rule, found, remedy=remedy)))

@@ -16,13 +16,12 @@ import zlib
 from pathlib import Path
 from typing import Any
 
+from benchmarks import runs
 from benchmarks.chosen.page import first_rows, group_of_each, page
 from benchmarks.chosen.sets import GROUPS, given
 from benchmarks.chosen.values import FACTORS, Chosen, Used, chosen, instead, other
-from benchmarks.hidden_effects import store
 from lightfield.diagnosis.diagnose import diagnose
 
-ROOT = Path(__file__).resolve().parents[2]
 Said = dict[str, dict[str, Any]]
 
 
@@ -71,20 +70,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.chosen", description=__doc__)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin nothing new after so long")
-    parser.add_argument("--store", type=Path, default=ROOT / "build" / "chosen.jsonl")
+    parser.add_argument("--store", type=Path, default=runs.ROOT / "build" / "chosen.jsonl")
     parser.add_argument("--page", type=Path, default=Path(__file__).parent / "README.md")
     args = parser.parse_args()
     known = chosen()
     # One process for each number: what one remembers was computed with another.
     context = multiprocessing.get_context("fork")
-    rows = store.read(args.store)
+    rows = runs.read(args.store)
     for group in GROUPS:
         if group not in first_rows(rows):
             with context.Pool(1, maxtasksperchild=1) as pool:
                 now, used = pool.apply(as_it_is, (group,))
-            code = store.code_version()
-            store.append(args.store, {"label": "", "group": group, "said": now, "used": used, "code": code})
-    rows = store.read(args.store)
+            code = runs.code_version()
+            runs.append(args.store, {"label": "", "group": group, "said": now, "used": used, "code": code})
+    rows = runs.read(args.store)
     groups = group_of_each(rows)
     done = {(row["label"], row.get("factor")) for row in rows}
     # In an order of their own: whenever it ends, what is done is a fair sample.
@@ -101,12 +100,12 @@ def main() -> None:
         each = enumerate(pool.imap_unordered(_job, jobs, chunksize=1), 1)
         for k, (label, factor, group, sentence, seconds) in each:
             row = {"label": label, "factor": factor, "group": group, "said": sentence, "cpu_s": seconds}
-            store.append(args.store, row)
+            runs.append(args.store, row)
             print(f"{k} of {len(jobs)}: {label} x {factor:g}, {seconds:.0f} s", file=sys.stderr)
             if time.monotonic() > until:
                 pool.terminate()
                 break
-    args.page.write_text(page(store.read(args.store), known), encoding="utf-8")
+    args.page.write_text(page(runs.read(args.store), known), encoding="utf-8")
     print(args.page)
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-import traceback
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from benchmarks.each_effect.campaigns import Trial
 from benchmarks.hidden_effects.benches import believed_scene
 from benchmarks.many_effects.experiment import as_data
 from benchmarks.many_effects.visible import Fits
+from benchmarks.runs import Row, attempted
 from lightfield.arrays import Array
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.experiments.measure import Instrument, measure, rendered
@@ -23,7 +22,6 @@ from lightfield.scene import Scene
 NOISES = (0.005, 0.01)
 PHOTONS = 1e8
 _FLOOR, _END = "tank.floor_over_walls", "tank.end_over_walls"
-Row = dict[str, Any]
 
 
 def run(trial: Trial) -> Row:
@@ -32,10 +30,7 @@ def run(trial: Trial) -> Row:
         "seed": trial.seed, "key": trial.key, "campaign": trial.campaign.name, "asked": trial.asked,
         "hidden": list(trial.hidden),
     }  # fmt: skip
-    try:
-        return row | _run(trial)
-    except Exception as error:  # whatever it is, it belongs in the table
-        return row | {"verdict": "error", "error": repr(error), "traceback": traceback.format_exc()[-1500:]}
+    return attempted(row, _run, trial)
 
 
 def _run(trial: Trial) -> Row:

@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
 
 from benchmarks.each_effect.campaigns import CAMPAIGNS, effect_of
-from benchmarks.each_effect.experiment import Row
+from benchmarks.hidden_effects.scores import Rate
+from benchmarks.runs import Row
 from lightfield.fitting import effects
 
 #: What is missed by more than so many sigma ought to be found.
@@ -69,7 +69,7 @@ def _nulls(rows: Sequence[Row]) -> list[str]:
         wrong = sum(bool(r["certain"] or r["simplest"]) for r in mine)
         with_name = sum(bool(r["best_set"]) for r in mine)
         lines.append(f"| {campaign.name} | {len(mine)} | {wrong} | {with_name}{told} |")
-    return [*lines, f"| **all** | {len(rows)} | {_rate(claimed, len(rows))} | {_rate(held, len(rows))} |"]
+    return [*lines, f"| **all** | {len(rows)} | {Rate(claimed, len(rows))} | {Rate(held, len(rows))} |"]
 
 
 def _effects(rows: Sequence[Row]) -> list[str]:
@@ -95,8 +95,8 @@ def _summary(rows: Sequence[Row]) -> str:
     wrong = [n for r in rows for n in r["certain"] if n in _wrong(r)]
     certain = sum(len(r["certain"]) for r in rows)
     return (
-        f"**Above {VISIBLE:g} sigma {_rate(found, len(seen))} are in the best set; of all certain names "
-        f"{_rate(len(wrong), certain)} were not hidden.** In brackets: 95 % Clopper-Pearson limits; sets."
+        f"**Above {VISIBLE:g} sigma {Rate(found, len(seen))} are in the best set; of all certain names "
+        f"{Rate(len(wrong), certain)} were not hidden.** In brackets: 95 % Clopper-Pearson limits; sets."
     )
 
 
@@ -133,13 +133,3 @@ def _wrong(row: Row) -> set[str]:
     curves = effects.curves()
     right = {n for n in row["best_set"] if n in curves and set(curves[n].contains) & set(row["hidden"])}
     return set(row["best_set"]) - set(row["hidden"]) - right
-
-
-def _rate(count: int, of: int) -> str:
-    low, high = 0.0, 1.0
-    if count:
-        low = float(stats.beta.ppf(0.025, count, of - count + 1))
-    if count < of:
-        high = float(stats.beta.ppf(0.975, count + 1, of - count))
-    share = f"{100 * count / of:.1f} %" if of else "-"
-    return f"{share} ({100 * low:.1f}-{100 * high:.1f}; {count}/{of})"

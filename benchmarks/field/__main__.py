@@ -10,10 +10,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmarks.field.cases import folder_of_cases, kept, run_and_keep
+from benchmarks import runs
+from benchmarks.field.cases import kept, run_and_keep
 from benchmarks.field.page import page
 
-ROOT = Path(__file__).resolve().parents[2]
 _HEAD = """# Field cases: many effects at once
 
 Readings as a real campaign gives them, from a Monte Carlo code of its own that shares nothing with this
@@ -26,12 +26,11 @@ believes: half width and absorption 10 to 25 % off. Written by `python -m benchm
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.field", description=__doc__)
     parser.add_argument("--only", nargs="*", help="of these cases only")
-    parser.add_argument("--store", type=Path, default=ROOT / "build" / "field.jsonl", help="results")
+    parser.add_argument("--store", type=Path, default=runs.ROOT / "build" / "field.jsonl", help="results")
     parser.add_argument("--score", action="store_true", help="run nothing, score what is there")
     args = parser.parse_args()
     rows = kept(args.store)
-    cases = sorted(p.parent for p in folder_of_cases().glob("*/truth.json"))
-    for case in cases if not args.score else []:
+    for case in runs.reference_cases("hidden_effects_field") if not args.score else []:
         if case.name in rows or (args.only and case.name not in args.only):
             continue
         rows[case.name] = run_and_keep(case, args.store)

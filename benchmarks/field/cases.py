@@ -3,32 +3,24 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from benchmarks.hidden_effects import workers
-from lightfield.diagnosis.certainty import Certainty
+from benchmarks import runs
+from benchmarks.many_effects.experiment import as_data
+from benchmarks.runs import Row
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import read_table
 from lightfield.scene import Scene
 
-Row = dict[str, Any]
 #: What a curve stands for in the truth.
 CURVE = {"beam_profile": "lamp"}
 #: Exponentials in the unit of processor time.
 UNIT = 100_000_000
-
-
-def folder_of_cases() -> Path:
-    """LIGHTFIELD_REFERENCE or the sibling folder `shared`."""
-    sibling = Path(__file__).resolve().parents[3] / "shared"
-    return Path(os.environ.get("LIGHTFIELD_REFERENCE", sibling)) / "hidden_effects_field"
 
 
 def unit_seconds() -> float:
@@ -42,24 +34,16 @@ def unit_seconds() -> float:
 
 def kept(store: Path) -> dict[str, Row]:
     """Results by the names of their cases, as far as there are any."""
-    lines = store.read_text(encoding="utf-8").splitlines() if store.exists() else []
-    return {row["case"]: row for row in map(json.loads, lines)}
+    return {row["case"]: row for row in runs.read(store)}
 
 
 def run_and_keep(case: Path, store: Path) -> Row:
-    """`run_alone`, told and appended to what is kept."""
-    row = run_alone(case)
-    store.parent.mkdir(parents=True, exist_ok=True)
-    with store.open("a", encoding="utf-8") as file:
-        file.write(json.dumps(row) + "\n")
+    """`run` in a process of its own, whose peak memory is that of this case; stored and told."""
+    with runs.start(processes=1) as pool:
+        row = pool.submit(run, case).result()
+    runs.append(store, row)
     print(case.name, row["verdict"], row["best_set"], f"{row['cpu_seconds']:.0f} s", file=sys.stderr)
     return row
-
-
-def run_alone(case: Path) -> Row:
-    """`run` in a process of its own, whose peak memory is that of this case."""
-    with workers.start(processes=1) as pool:
-        return pool.submit(run, case).result()
 
 
 def run(case: Path) -> Row:
@@ -73,28 +57,16 @@ def run(case: Path) -> Row:
     readings, scene = read_table(case / "data.csv"), Scene.load(case / "scene.toml")
     begun = time.process_time()
     verdict = diagnose(readings, scene).verdict
-    return row | {
-        "readings": len(readings),
-        "cpu_seconds": time.process_time() - begun,
-        "unit_seconds": unit,
-        "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
-        "verdict": verdict.verdict,
-        "best_set": verdict.best_set,
-        "certain": verdict.certain,
-        "simplest": verdict.simplest,
-        "partial": verdict.partial,
-        "slots": [
-            [one.effect, *(n for names in one.alternatives for n in names)]
-            for one in verdict.found
-            if one.level == Certainty.ONE_OF
-        ],
-        "percent": [
-            verdict.ladder[0].error_percent, verdict.ladder[-1].error_percent, verdict.noise_floor_percent
-        ],
-        "removed": sum(rung.removed_percent or 0.0 for rung in verdict.ladder),
-        "rungs": len(verdict.ladder),
-        "coordinate": verdict.unexplained_coordinate,
-    }  # fmt: skip
+    return (
+        row
+        | {
+            "readings": len(readings),
+            "cpu_seconds": time.process_time() - begun,
+            "unit_seconds": unit,
+            "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        }
+        | as_data(verdict)
+    )
 
 
 def right(row: Row, name: str) -> bool:

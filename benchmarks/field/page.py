@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from benchmarks.field.cases import Row, explained, found, wrong
+from benchmarks.field.cases import explained, found, wrong
+from benchmarks.runs import Row
 
 
 def _part(count: int, whole: int) -> str:
@@ -70,7 +71,7 @@ def _line(row: Row) -> str:
     first, last, floor = row["percent"]
     cells = [
         row["case"], hidden, row["verdict"], told(row["certain"]), told(row["simplest"]),
-        "; ".join("/".join(dict.fromkeys(s)) for s in row["slots"]), told(row["partial"]),
+        "; ".join(map("/".join, row["slots"])), told(row["partial"]),
         ", ".join(n for n in row["hidden"] if n not in row["best_set"]),
         f"{first:.3g} → {last:.3g} (noise {floor:.2g})", f"{row['cpu_seconds']:.0f}",
     ]  # fmt: skip

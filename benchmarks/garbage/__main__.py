@@ -10,13 +10,11 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any
 
+from benchmarks import runs
 from benchmarks.garbage.judge import judge, page
 from benchmarks.garbage.tables import tables
-from benchmarks.hidden_effects import store, workers
 
-ROOT = Path(__file__).resolve().parents[2]
 TABLES = 504
 
 
@@ -25,25 +23,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.garbage", description=__doc__)
     parser.add_argument("--tables", type=int, default=TABLES, help=f"the first N tables (default {TABLES})")
     parser.add_argument("--trace", action="store_true", help="with scattered light, as the command line does")
-    parser.add_argument("--processes", type=int, default=workers.PROCESSES)
-    parser.add_argument("--store", type=Path, default=ROOT / "build" / "garbage.jsonl")
+    parser.add_argument("--processes", type=int, default=runs.PROCESSES)
+    parser.add_argument("--store", type=Path, default=runs.ROOT / "build" / "garbage.jsonl")
     parser.add_argument("--page", type=Path, default=Path(__file__).parent)
     args = parser.parse_args()
-    version, chosen = store.code_version(), tables(args.tables)
+    version, chosen = runs.code_version(), tables(args.tables)
     keys = {(t.kind, t.errors, t.draw, args.trace, version) for t in chosen}
 
-    def done() -> list[dict[str, Any]]:
-        kept = {(r["kind"], r["errors"], r["draw"], r["trace"], r["code"]): r for r in store.read(args.store)}
+    def done() -> list[runs.Row]:
+        kept = {(r["kind"], r["errors"], r["draw"], r["trace"], r["code"]): r for r in runs.read(args.store)}
         return [row for key, row in kept.items() if key in keys]
 
     finished = {(r["kind"], r["errors"], r["draw"]) for r in done()}
     left = [t for t in chosen if (t.kind, t.errors, t.draw) not in finished]
-    pool = workers.start(args.processes)
-    try:
-        for row in workers.results(pool, "tables", judge, [(t, args.trace) for t in left]):
-            store.append(args.store, row | {"code": version})
-    finally:
-        pool.shutdown(cancel_futures=True)
+    for row in runs.results("tables", judge, [(t, args.trace) for t in left], processes=args.processes):
+        runs.append(args.store, row)
     rows = done()
     args.page.mkdir(parents=True, exist_ok=True)
     (args.page / "README.md").write_text(page(rows, version), encoding="utf-8")

@@ -10,11 +10,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmarks.hidden_effects import store
+from benchmarks import runs
 from benchmarks.hidden_effects.campaign import perform
 from benchmarks.hidden_effects.catalogue import quick_trials, trials
 
-ROOT = Path(__file__).resolve().parents[2]
 #: Half of them without a hidden effect; the whole plan has 2368.
 SETS = 1400
 STRATA = ("null", "one", "other physics", "two", "unknown")
@@ -29,7 +28,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--only", choices=STRATA, help="of these only one kind")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin nothing new after so long")
     parser.add_argument(
-        "--store", type=Path, default=ROOT / "build" / "hidden_effects", help="renders and results"
+        "--store", type=Path, default=runs.ROOT / "build" / "hidden_effects", help="renders and results"
     )
     parser.add_argument("--page", type=Path, help="folder of README.md, summary and pictures")
     parser.add_argument("--fresh", action="store_true", help="diagnose again what was done by other code")
@@ -47,8 +46,8 @@ def main() -> None:
     from benchmarks.hidden_effects.page import write  # Matplotlib
 
     seeds = {t.seed for t in chosen}
-    latest = {r["seed"]: r for r in store.read(args.store / "sets.jsonl") if r["seed"] in seeds}
-    cases = {r["case"]: r for r in store.read(args.store / "independent.jsonl")}
+    latest = {r["seed"]: r for r in runs.read(args.store / "sets.jsonl") if r["seed"] in seeds}
+    cases = {r["case"]: r for r in runs.read(args.store / "independent.jsonl")}
     target = args.page or (args.store / "quick" if args.quick else Path(__file__).parent)
     print(write(list(latest.values()), [cases[k] for k in sorted(cases)], len(chosen), target))
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.hidden_effects import experiment, independent, store, workers
+from benchmarks import runs
+from benchmarks.hidden_effects import experiment, independent
 from benchmarks.hidden_effects.catalogue import Trial
 
 #: After so many own sets comes an independent case.
@@ -33,25 +34,21 @@ def perform(chosen: Sequence[Trial], folder: Path, minutes: float, fresh: bool, 
     fresh : bool
         Do again what was done by other code.
     """
-    until, version = time.monotonic() + 60 * minutes, store.code_version()
+    until, version = time.monotonic() + 60 * minutes, runs.code_version()
     own, other = folder / "sets.jsonl", folder / "independent.jsonl"
-    finished = {r["seed"] for r in store.read(own) if not fresh or r["code"] == version}
+    finished = {r["seed"] for r in runs.read(own) if not fresh or r["code"] == version}
     left = [t for t in chosen if t.seed not in finished]
     first: dict[str, Trial] = {}
     for trial in left:
         if trial.truth.stratum == "null":
             first.setdefault(trial.truth.bench, trial)
-    cases = {r["case"] for r in store.read(other) if not fresh or r["code"] == version}
-    outside = [c for c in independent.cases() if c.name not in cases] if with_cases else []
+    cases = {r["case"] for r in runs.read(other) if not fresh or r["code"] == version}
+    outside = [c for c in runs.reference_cases("hidden_effects") if c.name not in cases] if with_cases else []
     jobs: list[Trial | Path] = []
     for trial in (t for t in left if first.get(t.truth.bench) is not t):
         jobs.append(trial)
         if len(jobs) % BETWEEN == 0 and outside:
             jobs.append(outside.pop(0))
-    pool = workers.start()
-    try:
-        for some in (list(first.values()), [*jobs, *outside]):
-            for row in workers.results(pool, "sets", _job, [(job, folder) for job in some], until):
-                store.append(other if "case" in row else own, row | {"code": version})
-    finally:
-        pool.shutdown(cancel_futures=True)
+    for some in (list(first.values()), [*jobs, *outside]):
+        for row in runs.results("sets", _job, [(job, folder) for job in some], until):
+            runs.append(other if "case" in row else own, row)

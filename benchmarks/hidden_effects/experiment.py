@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import traceback
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,6 +17,7 @@ from benchmarks.hidden_effects.catalogue import NOISE_KINDS, Trial
 from benchmarks.hidden_effects.follow_up import follow
 from benchmarks.hidden_effects.lights import light_of, scene_of
 from benchmarks.hidden_effects.oracle import Oracle
+from benchmarks.runs import Row, attempted
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.problem.layout import layout_of
 from lightfield.diagnosis.problem.setup import PLANE_GAIN_PERCENT
@@ -35,7 +35,6 @@ SEEN = 4.0
 #: beam or two, the next of its set-up for the same. A tally takes 40 to 60 MB, more once it was evaluated;
 #: all of them filled 4 GB. One that is asked for again later comes from the cache on disk.
 KEPT = 8
-Row = dict[str, Any]
 
 
 class Tracing:
@@ -101,10 +100,7 @@ def run(trial: Trial, folder: Path) -> Row:
         "hidden": sorted(truth.hidden), "any_of": sorted(truth.any_of), "unknown": truth.unknown,
         "noise_kind": trial.noise_kind, "order": trial.order, "noise": trial.noise,
     }  # fmt: skip
-    try:
-        return row | _run(trial, folder)
-    except Exception as error:  # whatever it is, it belongs in the table
-        return row | {"verdict": "error", "error": repr(error), "traceback": traceback.format_exc()[-1500:]}
+    return attempted(row, _run, trial, folder)
 
 
 def _run(trial: Trial, folder: Path) -> Row:

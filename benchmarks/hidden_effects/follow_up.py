@@ -9,6 +9,7 @@ import numpy as np
 
 from benchmarks.hidden_effects.catalogue import Trial
 from benchmarks.hidden_effects.lights import lit_scene, scene_of
+from benchmarks.runs import Row
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.experiments.layouts import SECONDS_PER_READING
 from lightfield.experiments.measure import SAMPLES, Instrument
@@ -16,7 +17,6 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.render.at_readings import rendered_light
 
 PHOTONS, REL_ERROR = 4e6, 0.003
-Row = dict[str, Any]
 
 
 def follow(trial: Trial, found: Diagnosis, clean: np.ndarray, light: np.ndarray, diffuse: Any) -> Row:

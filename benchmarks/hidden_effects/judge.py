@@ -7,13 +7,12 @@ anyone: the right verdict is then "none". Second functional forms count as the e
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
+from benchmarks.runs import Row
 from lightfield.fitting import effects
 
-Row = dict[str, Any]
 INVISIBLE_SIGMA = 2.0
 #: From here on an effect should be found.
 CLEAR_SIGMA = 5.0

@@ -16,9 +16,9 @@ from scipy import stats
 from benchmarks.hidden_effects import judge, pictures
 from benchmarks.hidden_effects.catalogue import SEQUENCES
 from benchmarks.hidden_effects.scores import DELTAS, DISTANCES, of_stratum, rate, scores
+from benchmarks.runs import Row
 from lightfield.storage.files import write_text
 
-Row = dict[str, Any]
 _FAILURES = 60
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import matplotlib
 import numpy as np
@@ -15,10 +14,10 @@ from scipy import stats
 
 from benchmarks.hidden_effects import judge
 from benchmarks.hidden_effects.scores import DELTAS, DISTANCES, limits, of_stratum, pulls
+from benchmarks.runs import Row
 from lightfield.fitting import effects
 from lightfield.storage.files import atomic_path
 
-Row = dict[str, Any]
 BLUE, GREY = "#2b6ca3", "#777777"
 matplotlib.use("Agg")
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import optimize, stats
 
 from benchmarks.hidden_effects import judge
+from benchmarks.runs import Row
 
-Row = dict[str, Any]
 Test = Callable[[Row], bool]
 DELTAS = (0.0, 2.0, 3.0, 5.0, 8.0, 15.0, 30.0, 100.0, np.inf)
 DISTANCES = (0.0, 1.0, 2.0, 3.0, 4.0, 6.0, 10.0, np.inf)

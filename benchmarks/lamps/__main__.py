@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import runs
 from benchmarks.field.cases import kept, run_and_keep
 from benchmarks.field.page import page
 from benchmarks.lamps.shapes import KINDS, SHAPES, drawn
 
-ROOT = Path(__file__).resolve().parents[2]
 #: Sets unless asked otherwise, and the seed of the first.
 _SETS, _SEED = 60, 7000
 #: What is hidden beside the lamp; an offset and a tilt are not hidden both.
@@ -36,7 +36,7 @@ more or less, absorption 20 to 25 % off. Written by `python -m benchmarks.lamps`
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.lamps", description=__doc__)
     parser.add_argument("--sets", type=int, default=_SETS, help="number of campaigns")
-    parser.add_argument("--store", type=Path, default=ROOT / "build" / "lamps.jsonl", help="results")
+    parser.add_argument("--store", type=Path, default=runs.ROOT / "build" / "lamps.jsonl", help="results")
     parser.add_argument("--score", action="store_true", help="run nothing, score what is there")
     args = parser.parse_args()
     rows = kept(args.store)

@@ -9,16 +9,13 @@ Every N-th set is a fair sample of all; choose N odd.
 from __future__ import annotations
 
 import argparse
-import sys
-import time
 from pathlib import Path
 
-from benchmarks.hidden_effects import store, workers
+from benchmarks import runs
 from benchmarks.many_effects.catalogue import trials
 from benchmarks.many_effects.experiment import run
 from benchmarks.many_effects.page import page
 
-ROOT = Path(__file__).resolve().parents[2]
 STRATA = ("clean", "lamp", "misspecified", "unknown", "later", "campaign")
 
 
@@ -28,30 +25,23 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, metavar="K", help="beginning with the K-th, from 0")
     parser.add_argument("--only", nargs="*", choices=STRATA, help="of these strata only")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin nothing new after so long")
-    parser.add_argument("--processes", type=int, default=workers.PROCESSES)
+    parser.add_argument("--processes", type=int, default=runs.PROCESSES)
     parser.add_argument(
-        "--store", type=Path, default=ROOT / "build" / "many_effects", help="renders and results"
+        "--store", type=Path, default=runs.ROOT / "build" / "many_effects", help="renders and results"
     )
     parser.add_argument("--page", type=Path, default=Path(__file__).parent / "README.md")
     parser.add_argument("--score", action="store_true", help="run nothing, score what is there")
     args = parser.parse_args()
     planned = [t for t in trials() if not args.only or t.truth.stratum in args.only]
     kept, chosen = args.store / "sets.jsonl", planned[args.first :: args.every]
-    done = {row["seed"] for row in store.read(kept)}
+    done = {row["seed"] for row in runs.read(kept)}
     left = [t for t in chosen if t.seed not in done]
     if left and not args.score:
         # The order of the seeds: whenever it ends, what is done is a fair sample.
         jobs = [(trial, args.store) for trial in sorted(left, key=lambda t: t.seed)]
-        until, version = time.monotonic() + 60 * args.minutes, store.code_version()
-        pool = workers.start(args.processes)
-        try:
-            for row in workers.results(pool, "sets", run, jobs, until, args.processes):
-                store.append(kept, row | {"code": version})
-                print(row["key"], row["verdict"], row.get("best_set", row.get("error")), file=sys.stderr)
-        finally:
-            pool.shutdown(cancel_futures=True)
+        runs.do_missing(kept, run, jobs, args.minutes, args.processes)
     known = {t.seed for t in planned}
-    rows = {row["seed"]: row for row in store.read(kept) if row["seed"] in known}
+    rows = {row["seed"]: row for row in runs.read(kept) if row["seed"] in known}
     args.page.write_text(page(sorted(rows.values(), key=lambda r: r["key"]), len(planned)), encoding="utf-8")
     print(args.page)
 

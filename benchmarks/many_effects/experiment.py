@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import time
-import traceback
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +13,7 @@ from benchmarks.hidden_effects.experiment import BRIGHT
 from benchmarks.hidden_effects.lights import light_of, scene_of
 from benchmarks.many_effects.catalogue import Trial
 from benchmarks.many_effects.visible import deltas
+from benchmarks.runs import Row, attempted
 from lightfield.arrays import Array
 from lightfield.diagnosis.certainty import Certainty
 from lightfield.diagnosis.diagnose import diagnose
@@ -29,7 +28,6 @@ from lightfield.render.backend.choice import use_backend
 SERIAL, STATED = 0.4, {"half stated": 0.5, "double stated": 2.0}
 #: Readings that follow each other and are spoiled together, as a part of all, twice; by so many sigma.
 CLUSTER, SPOILED = 0.012, (6.0, 30.0)
-Row = dict[str, Any]
 #: What a row keeps of each effect of the best set: with the gaps other rules can be tried on the same rows.
 _OF_EACH = {
     "effect", "form", "level", "sigma_to_remove", "gap", "gap_named", "gap_plus", "rival", "alternatives",
@@ -44,10 +42,7 @@ def run(trial: Trial, folder: Path) -> Row:
         "hidden": list(truth.hidden), "count": len(truth.hidden), "lamp": trial.lamp, "errors": trial.errors,
         "unknown": truth.unknown, "draw": trial.draw,
     }  # fmt: skip
-    try:
-        return row | _run(trial, folder)
-    except Exception as error:  # whatever it is, it belongs in the table
-        return row | {"verdict": "error", "error": repr(error), "traceback": traceback.format_exc()[-1500:]}
+    return attempted(row, _run, trial, folder)
 
 
 def _run(trial: Trial, folder: Path) -> Row:

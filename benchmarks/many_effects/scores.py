@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from benchmarks.hidden_effects.judge import COORDINATE, CURVE_OF
 from benchmarks.hidden_effects.scores import Rate
+from benchmarks.runs import Row
 from lightfield.arrays import Array
 from lightfield.fitting import effects
 
-Row = dict[str, Any]
 #: From here on an effect is visible; bins in which finding is counted.
 VISIBLE_SIGMA = 5.0
 BINS = ((3.0, 5.0), (5.0, 8.0), (8.0, 15.0), (15.0, 30.0), (30.0, 100.0), (100.0, np.inf))
@@ -25,9 +24,9 @@ class Score:
     """One line of the table: what is asked, what was measured, what is right, what is excellent."""
 
     name: str
-    value: str
-    release: str
-    world: str
+    value: Rate | str
+    release: str = "-"
+    world: str = "-"
 
 
 def right(row: Row, name: str) -> bool:
@@ -103,48 +102,44 @@ def scores(rows: Sequence[Row]) -> list[Score]:
     out = [
         Score(
             "null: a claimed name",
-            str(_rate(bool(r["certain"] or r["simplest"]) for r in nulls)),
+            _rate(bool(r["certain"] or r["simplest"]) for r in nulls),
             "<= 0.5 %",
             "<= 0.1 %",
         ),
-        Score(
-            "null: a name in the best set", str(_rate(bool(r["best_set"]) for r in nulls)), "<= 3 %", "<= 1 %"
-        ),
+        Score("null: a name in the best set", _rate(bool(r["best_set"]) for r in nulls), "<= 3 %", "<= 1 %"),
         Score(
             "sets with a wrong certain name",
-            str(_rate(bool(wrong(r, r["certain"])) for r in known)),
+            _rate(bool(wrong(r, r["certain"])) for r in known),
             "<= 3 %",
             "<= 1 %",
         ),
-        Score("wrong certain names, of all", str(_names(known, "certain")), "<= 2 %", "<= 0.5 %"),
+        Score("wrong certain names, of all", _names(known, "certain"), "<= 2 %", "<= 0.5 %"),
         Score(
             "wrong names, certain and simplest together",
-            str(_names(known, "certain", "simplest")),
+            _names(known, "certain", "simplest"),
             "<= 5 %",
             "<= 2 %",
         ),
-        Score("wrong among those that are only the simplest", str(_names(known, "simplest")), "-", "-"),
+        Score("wrong among those that are only the simplest", _names(known, "simplest")),
         Score(
             "visible truth plus one more name (clean)",
-            str(_rate(_one_more(r) for r in some)),
+            _rate(_one_more(r) for r in some),
             "<= 2 %",
             "<= 0.5 %",
         ),
         Score(
             "the same, and nothing hidden is told to do in its place (clean)",
-            str(_rate(_one_more(r) and not _in_place_of(r) for r in some)),
-            "-",
-            "-",
+            _rate(_one_more(r) and not _in_place_of(r) for r in some),
         ),
         Score(
             "best set = visible truth, 1-3 effects (clean)",
-            str(_rate(_exact(r) for r in few)),
+            _rate(_exact(r) for r in few),
             ">= 80 %",
             ">= 92 %",
         ),
         Score(
             "best set = visible truth, 4-6 effects (clean)",
-            str(_rate(_exact(r) for r in many)),
+            _rate(_exact(r) for r in many),
             ">= 60 %",
             ">= 80 %",
         ),
@@ -157,40 +152,35 @@ def scores(rows: Sequence[Row]) -> list[Score]:
         mine = aims.get(low, ("-",) * 4)
         bounds = f"{low:g} to {high:g} sigma" if np.isfinite(high) else f"above {low:g} sigma"
         for key, word, aimed in (("best_set", "in the best set", mine[:2]), ("certain", "certain", mine[2:])):
-            out.append(Score(f"{word}, {bounds} (clean)", str(_in_bin(clean, low, high, key)), *aimed))
+            out.append(Score(f"{word}, {bounds} (clean)", _in_bin(clean, low, high, key), *aimed))
             if low in aims:
                 wider = f"{word}, {bounds} (clean, and wrong errors)"
-                out.append(Score(wider, str(_in_bin(gauss, low, high, key)), "-", "-"))
+                out.append(Score(wider, _in_bin(gauss, low, high, key)))
     above = (15.0, np.inf)
     out += [
         Score(
-            "in the best set, above 15 sigma, every lamp",
-            str(_in_bin(known, *above, "best_set")),
-            ">= 90 %",
-            "-",
+            "in the best set, above 15 sigma, every lamp", _in_bin(known, *above, "best_set"), ">= 90 %", "-"
         ),
         Score(
             "family holds a right set, Gaussian lamp",
-            str(_rate(_in_family(r) for r in gauss if explained(r) and r["hidden"])),
+            _rate(_in_family(r) for r in gauss if explained(r) and r["hidden"]),
             ">= 92 %",
             ">= 97 %",
         ),
         Score(
             "family holds a right set, other lamp",
-            str(_rate(_in_family(r) for r in lamps if explained(r))),
+            _rate(_in_family(r) for r in lamps if explained(r)),
             ">= 82 %",
             ">= 93 %",
         ),
         Score(
             "the same, with what is told to do as well with one effect more",
-            str(_rate(_in_family(r, told=True) for r in gauss if explained(r) and r["hidden"])),
-            "-",
-            "-",
+            _rate(_in_family(r, told=True) for r in gauss if explained(r) and r["hidden"]),
         ),
         Score("family size, mean", _mean([len(r["family"]) for r in known if r["family"]]), "<= 4", "<= 2.5"),
         Score(
             "slot holds a true effect",
-            str(_rate(any(right(r, n) for n in s) for r in known if explained(r) for s in r["slots"])),
+            _rate(any(right(r, n) for n in s) for r in known if explained(r) for s in r["slots"]),
             ">= 90 %",
             ">= 95 %",
         ),
@@ -200,58 +190,45 @@ def scores(rows: Sequence[Row]) -> list[Score]:
             "<= 4",
             "<= 3",
         ),
-        Score("explained, Gaussian lamp", str(_rate(explained(r) for r in gauss)), ">= 94 %", ">= 98 %"),
-        Score("explained, other lamp", str(_rate(explained(r) for r in lamps)), ">= 90 %", ">= 97 %"),
+        Score("explained, Gaussian lamp", _rate(explained(r) for r in gauss), ">= 94 %", ">= 98 %"),
+        Score("explained, other lamp", _rate(explained(r) for r in lamps), ">= 90 %", ">= 97 %"),
         Score(
             "lamp named by its curve",
-            str(_rate("beam_profile" in r["best_set"] for r in lamps)),
+            _rate("beam_profile" in r["best_set"] for r in lamps),
             ">= 90 %",
             ">= 98 %",
         ),
         Score(
             "named beam form kept where true",
-            str(_rate(_kept(r) for r in gauss if _beam_forms(r))),
+            _rate(_kept(r) for r in gauss if _beam_forms(r)),
             ">= 85 %",
             ">= 93 %",
         ),
-        Score("beside an unknown: wrong partial name", str(_names(unknown, "partial")), "<= 5 %", "<= 2 %"),
-        Score("beside an unknown: wrong certain name", str(_names(unknown, "certain")), "-", "-"),
+        Score("beside an unknown: wrong partial name", _names(unknown, "partial"), "<= 5 %", "<= 2 %"),
+        Score("beside an unknown: wrong certain name", _names(unknown, "certain")),
         Score(
             "unknown above 8 sigma: said to be unexplained",
-            str(_rate(r["verdict"] == "unexplained" for r in unknown if r["delta_other"] > 8)),
-            "-",
-            "-",
+            _rate(r["verdict"] == "unexplained" for r in unknown if r["delta_other"] > 8),
         ),
         Score(
             "unexplained: coordinate right",
-            str(
-                _rate(
-                    r["coordinate"] in COORDINATE[r["unknown"]]
-                    for r in unknown
-                    if r["verdict"] == "unexplained"
-                )
+            _rate(
+                r["coordinate"] in COORDINATE[r["unknown"]] for r in unknown if r["verdict"] == "unexplained"
             ),
             ">= 75 %",
             ">= 90 %",
         ),
         Score(
             "ladder falls by half or more, where something is visible",
-            str(
-                _rate(
-                    r["removed"] > 50
-                    for r in rows
-                    if r["verdict"] != "error"
-                    and (r["lamp"] or any(d > VISIBLE_SIGMA for d in r["delta"].values()))
-                )
+            _rate(
+                r["removed"] > 50
+                for r in rows
+                if r["verdict"] != "error"
+                and (r["lamp"] or any(d > VISIBLE_SIGMA for d in r["delta"].values()))
             ),
-            "-",
-            "-",
         ),
         Score(
-            "processor time with its traces, without a graphics card, median / 95 % / most, s",
-            _times(rows),
-            "-",
-            "-",
+            "processor time with its traces, without a graphics card, median / 95 % / most, s", _times(rows)
         ),
     ]
     return out

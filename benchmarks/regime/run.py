@@ -8,7 +8,6 @@ store. `--redraw` makes the figure anew of the values that `regime.csv` has, and
 from __future__ import annotations
 
 import argparse
-import csv
 import tempfile
 import textwrap
 from pathlib import Path
@@ -22,9 +21,8 @@ from lightfield.commands.sweep import as_text, cases_bar
 from lightfield.report.regime import regime_figure
 from lightfield.report.style import save_png
 from lightfield.scene import Scene
-from lightfield.storage.files import atomic_path, write_text
-from lightfield.studies.regime import ERRORS, depth_within, regime_of, regime_plan, rows
-from lightfield.sweep.runner import run_sweep
+from lightfield.storage.files import write_text
+from lightfield.studies.regime import ERRORS, depth_within, rows, run_regime
 from lightfield.sweep.sweep_plan import SweepSettings
 
 HERE = Path(__file__).resolve().parent
@@ -81,13 +79,12 @@ def main() -> None:
         save_png(regime_figure(read_values(args.output / "regime.csv")), args.output / "regime.png")
         return
     settings = SweepSettings(rel_error=0.002, max_photons=args.max_photons, maps=False)
-    plan = regime_plan(Scene.from_dict({"name": "regime map"}), settings)
+    scene = Scene.from_dict({"name": "regime map"})
     with tempfile.TemporaryDirectory() as scratch:
         store = args.store or Path(scratch) / "regime.zarr"
-        with cases_bar(plan) as report:
-            done = run_sweep(plan, store, workers=args.workers, report=report)
+        with cases_bar("regime map") as report:
+            plan, done, data = run_regime(scene, settings, store, workers=args.workers, report=report)
         print(as_text(plan, done, store))
-        data = regime_of(xr.open_zarr(store)).load()
     write_table(data, args.output / "regime.csv")
     save_png(regime_figure(data), args.output / "regime.png")
     noise = data.formula_error_stderr.values
@@ -101,14 +98,12 @@ def main() -> None:
 
 def write_table(data: xr.Dataset, path: Path) -> None:
     """Every value and its error."""
-    with atomic_path(path) as temporary, temporary.open("w", newline="") as file:
-        out = csv.writer(file)
-        out.writerow(["receiver", "albedo", "optical_depth", "formula_error", "formula_error_stderr"])
-        for at in np.ndindex(*data.formula_error.shape):
-            point = data.isel(dict(zip(data.formula_error.dims, at, strict=True)))
-            value, error = float(point.formula_error), float(point.formula_error_stderr)
-            where = (str(point.receiver.values), float(point.albedo), float(point.optical_depth))
-            out.writerow([*where, f"{value:.5g}", f"{error:.2g}"])
+    table = data[["formula_error", "formula_error_stderr"]].to_dataframe()
+    told = table.assign(
+        formula_error=table.formula_error.map("{:.5g}".format),
+        formula_error_stderr=table.formula_error_stderr.map("{:.2g}".format),
+    )
+    write_text(path, told.to_csv(lineterminator="\r\n"))
 
 
 def read_values(path: Path) -> xr.Dataset:

@@ -67,6 +67,24 @@ class Following(ToldByDetails[study.Following]):
         return following_page(self.details)
 
 
+def beliefs_in(names: str | Sequence[str]) -> list[str]:
+    """Kinds of light that a follower believes in; with commas between them in one string.
+
+    Raises
+    ------
+    UsageError
+        One that does not exist.
+    """
+    beliefs = names_in(names)
+    for name in beliefs:
+        if name not in study.BELIEFS:
+            raise UsageError(
+                "no such belief", where="believe", found=name, rule=", ".join(study.BELIEFS),
+                remedy=did_you_mean(name, study.BELIEFS) or "one or more of these",
+            )  # fmt: skip
+    return beliefs
+
+
 @checked
 @told_in_notebook("follow")
 def follow(
@@ -107,13 +125,7 @@ def follow(
     SceneError, RenderError
         No array; a follower or a way that is not in the water.
     """
-    believe = names_in(believe)
-    unknown = [word for word in believe if word not in study.BELIEFS]
-    if unknown:
-        raise UsageError(
-            "no such belief", where="believe", found=unknown[0], rule=", ".join(study.BELIEFS),
-            remedy=did_you_mean(unknown[0], study.BELIEFS) or "one or more of these",
-        )  # fmt: skip
+    beliefs = beliefs_in(believe)
     every = [study.with_belief(scene_of(one), "") for one in (scene, *with_)]
     if duration is not None:
         every = [one.with_values({"follower.mission.duration_s": duration}) for one in every]
@@ -122,4 +134,4 @@ def follow(
         for number, one in enumerate(every, 1)
     )
     photons = max_photons if trace else 0.0
-    return Following(study.follow(scenes, believe, runs=runs, seed=seed, photons=photons))
+    return Following(study.follow(scenes, beliefs, runs=runs, seed=seed, photons=photons))

@@ -14,8 +14,6 @@ from lightfield.render.limits import OF_REGIME
 from lightfield.scene import Scene
 from lightfield.storage.files import locked_folder
 from lightfield.studies import regime as regimes
-from lightfield.sweep.results import open_store
-from lightfield.sweep.runner import run_sweep
 from lightfield.sweep.sweep_plan import SweepSettings
 
 if TYPE_CHECKING:
@@ -90,8 +88,5 @@ def regime(
     known = Scene.from_dict({"name": "the paper's lamp"}) if scene is None else scene_of(scene)
     settings = SweepSettings(rel_error, max_photons, seed, maps=False)
     with locked_folder(output) as folder:
-        store = folder / "regime.zarr"
-        run_sweep(regimes.regime_plan(known, settings), store, workers=workers)
-        found = regimes.regime_of(open_store(store)).load()
-    provenance = {"scene_toml": known.to_toml(), "scene_digest": known.digest(), "seed": seed}
-    return Regime(found.assign_attrs(provenance))
+        *_, found = regimes.run_regime(known, settings, folder / "regime.zarr", workers=workers)
+    return Regime(found)

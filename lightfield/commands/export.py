@@ -28,10 +28,7 @@ _MOST_CASES = 64
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "store",
-        type=Path,
-        metavar="STORE|MAPS",
-        help="what `sweep` wrote, or maps of `render` (.nc)",
+        "store", type=Path, metavar="STORE|MAPS", help="what `sweep` wrote, or maps of `render` (.nc)"
     )
     parser.add_argument("--exr", type=Path, required=True, metavar="DIR", help="folder of the images")
     add_option(parser, "--case")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from lightfield.api.given import by_name, names_in
+from lightfield.api.given import by_name
 from lightfield.commands.shared.answer import answered, outputs_of, write_json
 from lightfield.commands.shared.follower import photons_of
 from lightfield.commands.shared.options import add_answer, add_option
 from lightfield.commands.shared.progress import progress_of
 from lightfield.commands.shared.ranges import check_ranges
-from lightfield.errors import UsageError, did_you_mean
+from lightfield.errors import UsageError
 from lightfield.render.limits import FIELD_PHOTONS
 from lightfield.scene import Follower, Scene
 from lightfield.storage.files import output_folder, write_text
@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run, print, write."""
-    from lightfield.api.following import Following
-    from lightfield.studies.following.study import BELIEFS, follow, with_belief
+    from lightfield.api.following import Following, beliefs_in
+    from lightfield.studies.following.study import follow, with_belief
 
     check_ranges(args, "runs", "duration")
     paths = [args.scene, *args.others]
@@ -64,13 +64,7 @@ def run(args: argparse.Namespace) -> int:
     outputs_of(args, *paths, *read, also=args.track)
     if args.vary or args.output:
         return _sweep(scenes[next(iter(scenes))], args)
-    beliefs = names_in(args.believe or "")
-    unknown = [word for word in beliefs if word not in BELIEFS]
-    if unknown:
-        raise UsageError(
-            "no such belief", where="--believe", found=unknown[0], rule=", ".join(BELIEFS),
-            remedy=did_you_mean(unknown[0], BELIEFS) or "one or more of these, with commas between them",
-        )  # fmt: skip
+    beliefs = beliefs_in(args.believe or "")
     with progress_of("follow"):
         found = follow(scenes, beliefs, runs=args.runs, seed=args.seed or 0, photons=photons_of(args))
     if args.track:

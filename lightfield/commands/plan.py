@@ -18,10 +18,7 @@ from lightfield.scene.effects_file import with_effects
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument(
-        "layout",
-        type=Path,
-        metavar="LAYOUT",
-        help="reading table; its values may be left out",
+        "layout", type=Path, metavar="LAYOUT", help="reading table; its values may be left out"
     )
     add_option(parser, "--scene", required=True)
     parser.add_argument(

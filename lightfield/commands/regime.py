@@ -36,18 +36,15 @@ def _regime(scene: Scene, folder: Path, args: argparse.Namespace) -> int:
     from lightfield.report.regime import regime_figure
     from lightfield.report.style import save_png
     from lightfield.studies import regime
-    from lightfield.sweep.results import open_store
-    from lightfield.sweep.runner import run_sweep
     from lightfield.sweep.sweep_plan import SweepSettings
 
     settings = SweepSettings(**vars(OF_REGIME) | given(args), maps=False)
-    plan = regime.regime_plan(scene, settings)
     store = folder / "regime.zarr"
     with cases_bar("regime") as report:
-        done = run_sweep(plan, store, workers=args.workers or 0, report=report)
+        plan, done, dataset = regime.run_regime(
+            scene, settings, store, workers=args.workers or 0, report=report
+        )
     print(as_text(plan, done, store))
-    dataset = regime.regime_of(open_store(store))
-    dataset.attrs |= {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": settings.seed}
     table = Table(title="Optical thickness c z up to which the formula holds", title_justify="left")
     for head in ("receiver", "albedo", "5 %", "10 %", "25 %"):
         table.add_column(head, justify="left" if head == "receiver" else "right")

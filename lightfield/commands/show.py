@@ -52,7 +52,7 @@ def _show(args: argparse.Namespace) -> int:
     except OutputError as error:
         if error.found != QUANTITY:
             raise
-        data, draws, page = open_store(args.store, QUANTITY), sweep_figures, follow_sweep_page
+        data, draws, page = open_store(args.store, QUANTITY).load(), sweep_figures, follow_sweep_page
     print(as_text(data, args.store))
     data = chosen_cases(data, args.case or [])
     figures = draws(data) if (data.status == 1).any() else {}

@@ -216,11 +216,7 @@ def _check(parameter: FitParameter, size: float) -> None:
 
 
 def _searched(
-    problem: Problem,
-    chosen: Explanation,
-    values: Mapping[str, float],
-    readings: Readings,
-    table: Readings,
+    problem: Problem, chosen: Explanation, values: Mapping[str, float], readings: Readings, table: Readings
 ) -> tuple[Pool, FittedSet]:
     """Sets that were fitted to the noise-free readings, and the true one, which starts at the truth."""
     budget = budget_of(replace(table, stderr=readings.stderr))

@@ -190,11 +190,7 @@ def _amplitudes(candidate: Candidate, strength: float, rng: np.random.Generator)
 
 
 def draw_effect(
-    scene: Scene,
-    readings: Readings,
-    name: str,
-    rng: np.random.Generator,
-    strength: float | None = None,
+    scene: Scene, readings: Readings, name: str, rng: np.random.Generator, strength: float | None = None
 ) -> dict[str, Any]:
     """Parameter values of a hidden effect; nodes of a curve, together with what the scene states of it.
 

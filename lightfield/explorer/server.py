@@ -186,9 +186,7 @@ class _Socket(tornado.websocket.WebSocketHandler):
 
 
 async def serve(
-    session: Session,
-    history: History | None = None,
-    opened: Callable[[str], None] = print,
+    session: Session, history: History | None = None, opened: Callable[[str], None] = print
 ) -> None:
     """Serve an exploration until Ctrl-C.
 

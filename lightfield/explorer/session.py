@@ -234,13 +234,13 @@ class Session:
             return
         others = tuple(k for k in self.now.effects if effect_name(k) != name)
         effects = (*others, key) if on else others
+        word = f"{plain(name)} {'on' if on else 'off'}"
         if not self.experiment.has_data:
             # Against the render nothing is fitted: what the scene has is worth what it costs to leave it out.
             self.fits.explanation(effects)
             values = self._usual(key) | dict(self.now.values)
-            self.history.add(State(effects, values, f"{plain(name)} {'on' if on else 'off'}"))
+            self.history.add(State(effects, values, word))
             return
-        word = f"{plain(name)} {'on' if on else 'off'}"
         self._rungs(effects)
         fitted = self._fitted(effects)
         self.history.add(State(effects, {**self.now.values, **fitted.values}, f"{word}, fitted"))

@@ -42,11 +42,7 @@ from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.lamp.section import effective_angles
 from lightfield.scene.parameters import Parameter
 
-PROFILE, ABSORPTION, POWER = (
-    "lamp.profile_departure",
-    "water.absorption_departure",
-    "lamp.power_departure",
-)
+PROFILE, ABSORPTION, POWER = ("lamp.profile_departure", "water.absorption_departure", "lamp.power_departure")
 SPECTRUM, COLOUR, PLANES = "lamp.spectrum_departure", "water.colour_departure", "detector.plane_departure"
 BACKGROUND, AMBIENT, HALO = (
     "detector.background_departure",

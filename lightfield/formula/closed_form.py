@@ -288,11 +288,7 @@ class ReadAt(Protocol):
 
 
 def predict(
-    scene: Scene,
-    readings: ReadAt,
-    diffuse: ArrayLike = 0.0,
-    gain: ArrayLike = 1.0,
-    full: float | None = None,
+    scene: Scene, readings: ReadAt, diffuse: ArrayLike = 0.0, gain: ArrayLike = 1.0, full: float | None = None
 ) -> Array:
     """Readings of a table: readout(gain (direct + diffuse) x lamp power).
 
@@ -334,10 +330,7 @@ def predict(
 
 
 def paper_model(
-    r_m: ArrayLike,
-    theta_rad: ArrayLike,
-    hwhm_deg: float = 3.81,
-    attenuation_per_m: float = 0.1,
+    r_m: ArrayLike, theta_rad: ArrayLike, hwhm_deg: float = 3.81, attenuation_per_m: float = 0.1
 ) -> Array:
     """The paper's combined form, I(r, theta) / I(r0, 0) = (r0/r)^2 exp(-K (r - r0)) exp(-B theta^2).
 

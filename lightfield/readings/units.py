@@ -7,11 +7,7 @@ import re
 _COUNTS = ("counts", "counts/s")
 RELATIVE = "relative"
 
-SI = {
-    "irradiance": "W m^-2 nm^-1",
-    "scalar_irradiance": "W m^-2 nm^-1",
-    "radiance": "W m^-2 sr^-1 nm^-1",
-}
+SI = {"irradiance": "W m^-2 nm^-1", "scalar_irradiance": "W m^-2 nm^-1", "radiance": "W m^-2 sr^-1 nm^-1"}
 CHOICES = "counts, counts/s, relative, or for example 'W m^-2 nm^-1', 'uW/cm^2/nm', 'mW m^-2 sr^-1 nm^-1'"
 
 _POWER = {"W": 1.0, "mW": 1e-3, "uW": 1e-6, "nW": 1e-9, "kW": 1e3}

@@ -134,11 +134,7 @@ class Rendering(TracedMaps):
 
 
 def with_own_path(
-    scene: Scene,
-    grid: Grid,
-    wavelengths_nm: Array,
-    straight: tuple[Array, Array],
-    maps: tuple[Array, Array],
+    scene: Scene, grid: Grid, wavelengths_nm: Array, straight: tuple[Array, Array], maps: tuple[Array, Array]
 ) -> tuple[Array, Array]:
     """Maps in which formulas of the user's own have acted on the light that comes straight.
 

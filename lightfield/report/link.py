@@ -144,11 +144,7 @@ def link_page(found: Link) -> str:
     lamp = f"{found.scene.lamp.power_w:g} W lamp, {in_band_words(found)}; {keying_words(found)}."
     sections = [
         Section("How far", (reach,), asked_words(found), (table, others)),
-        Section(
-            "What arrives",
-            (light,),
-            (lamp, bandwidth_sentence(found)),
-        ),
+        Section("What arrives", (light,), (lamp, bandwidth_sentence(found))),
     ]
     title = f"{found.scene.name or 'Lamp'}: optical link"
     return study_page(title, headline(found), (), sections, found.scene.to_toml())

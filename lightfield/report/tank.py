@@ -105,10 +105,5 @@ def _spots(axis: Axes, spots: Sequence[PlaceToRead], name: str) -> None:
     for spot, x, y in zip(spots, z, across, strict=True):
         if spot.repeats > 1:
             axis.annotate(
-                f"{spot.repeats} times",
-                (x, y),
-                (9, 6),
-                textcoords="offset points",
-                fontsize=9,
-                color=FORMULA,
+                f"{spot.repeats} times", (x, y), (9, 6), textcoords="offset points", fontsize=9, color=FORMULA
             )

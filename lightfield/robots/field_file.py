@@ -122,12 +122,7 @@ def field_dataset(scene: Scene, asked: Asked, *, photons: float = FIELD_PHOTONS,
     diffuse: Array = np.zeros((len(place), 4))
     stderr: Array = np.zeros((len(place), 4))
     if photons:
-        field = traced_field(
-            scene,
-            asked.region(float(across[-1])),
-            photons=photons,
-            seed=seed,
-        )
+        field = traced_field(scene, asked.region(float(across[-1])), photons=photons, seed=seed)
         diffuse = field.diffuse_flux(place)
         parts = np.stack([one.diffuse_flux(place) for one in field.leave_one_out()])
         stderr = jackknife_stderr(parts)

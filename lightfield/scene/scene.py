@@ -65,10 +65,7 @@ class Scene(Part):
     array: DetectorArray | None = Field(None, description="the follower's detectors; absent: none")
     follower: Follower | None = Field(None, description="where they are; absent: on the axis")
     effect: tuple[OwnEffect, ...] = Field(
-        (),
-        max_length=MOST_EFFECTS,
-        description="hypotheses of one's own",
-        json_schema_extra={"later": True},
+        (), max_length=MOST_EFFECTS, description="hypotheses of one's own", json_schema_extra={"later": True}
     )
 
     @model_validator(mode="after")

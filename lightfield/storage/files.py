@@ -187,10 +187,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.{_MACHINE}-{os.getpid()}-", dir=target.parent))
     except OSError as error:
         raise OutputError(
-            "cannot write here",
-            where=str(target),
-            found=error.strerror,
-            remedy="choose a writable folder",
+            "cannot write here", where=str(target), found=error.strerror, remedy="choose a writable folder"
         ) from error
     temporary = folder / target.name
     try:

@@ -8,6 +8,7 @@ as a sweep like any other.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from lightfield.scene import Scene
 from lightfield.scene.bands import refuse_unlit
 from lightfield.studies.compare.rings import SIGMAS
 from lightfield.sweep.axes import ALBEDO, ATTENUATION, Axis
+from lightfield.sweep.results import open_store
+from lightfield.sweep.runner import SweepProgress, run_sweep
 from lightfield.sweep.sweep_plan import SweepPlan, SweepSettings, make_plan
 
 OPTICAL_DEPTHS = (0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 14.0, 20.0)
@@ -35,6 +38,20 @@ _DISTANCE_M, _CELL_M = 5.0, 0.05
 #: A lamp on the axis along which it is asked about.
 AIMED = dict.fromkeys(("offset_x_m", "offset_y_m", "tilt_x_deg", "tilt_y_deg"), 0.0)
 _RECEIVER = "receiver"
+
+
+def run_regime(
+    scene: Scene, settings: SweepSettings, store: Path, **how: Any
+) -> tuple[SweepPlan, SweepProgress, xr.Dataset]:
+    """Run the sweep, or what is left of it: its plan, what was done, and the regime map (`regime_map`).
+
+    Scene, settings and errors as of `regime_plan` and `run_sweep`, which is told `how` (workers, report).
+    """
+    plan = regime_plan(scene, settings)
+    done = run_sweep(plan, store, **how)
+    found = _regime_of(open_store(store)).load()
+    provenance = {"scene_toml": scene.to_toml(), "scene_digest": scene.digest(), "seed": settings.seed}
+    return plan, done, found.assign_attrs(provenance)
 
 
 def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
@@ -75,7 +92,7 @@ def regime_plan(scene: Scene, settings: SweepSettings) -> SweepPlan:
     return make_plan(Scene.from_dict(parts), axes, settings)
 
 
-def regime_of(store: xr.Dataset) -> xr.Dataset:
+def _regime_of(store: xr.Dataset) -> xr.Dataset:
     """The regime map of a store that `regime_plan` was run into; see `regime_map`."""
     quantity = store.attrs["quantity"]
     on_axis = store.isel(wavelength_nm=0, z_m=0).transpose(_RECEIVER, ALBEDO, ATTENUATION, ...)

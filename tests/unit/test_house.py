@@ -51,12 +51,19 @@ def trees_are_no_garbage() -> Iterator[None]:
     yield
     gc.enable()
     tree.cache_clear()
+    nodes.cache_clear()
 
 
 @cache
 def tree(module: Path) -> ast.Module:
     """A module as Python reads it."""
     return ast.parse(module.read_text(encoding="utf-8"))
+
+
+@cache
+def nodes(module: Path) -> list[ast.AST]:
+    """All of its nodes."""
+    return list(ast.walk(tree(module)))
 
 
 def test_a_module_can_be_read_at_a_sitting() -> None:
@@ -111,7 +118,7 @@ def test_what_a_test_asks_is_found_by_its_imports() -> None:
 def asked(module: Path) -> frozenset[tuple[str, ...]]:
     """Names that a test, or what it has of `tests/support`, imports: taken apart, by where they are from."""
     found: set[str] = set()
-    for node in ast.walk(tree(module)):
+    for node in nodes(module):
         if isinstance(node, ast.Import):
             found |= {f"{TOP}.api.{TOP}" if alias.name == TOP else alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -141,16 +148,14 @@ def test_what_lies_in_a_room_is_named_in_the_description_of_the_house() -> None:
     told = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
     named = {name for span in re.findall(r"`([^`]+)`", told) for name in re.findall(r"\w+", span)}
     places = {module.relative_to(PACKAGE).parts[:2] for module in MODULES}
-    lying = {
-        name.removesuffix(".py") for room, *inside in places if room != "commands" for name in (room, *inside)
-    }
+    lying = {name.removesuffix(".py") for place in places if place[0] != "commands" for name in place}
     assert sorted(lying - named - {"__init__"}) == []
 
 
 def test_a_library_has_one_room() -> None:
     for module in MODULES:
         room = module.relative_to(PACKAGE).parts[0]
-        for node in ast.walk(tree(module)):
+        for node in nodes(module):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom) and node.level == 0:
                 names = [node.module or ""]
@@ -163,10 +168,8 @@ def test_imports_inside_functions_keep_heavy_libraries_out() -> None:
     first = sorted(OPEN | {_name(m) for m in MODULES if m.relative_to(PACKAGE).parts[0] in DOORS})
     needless = set()
     for module in MODULES:
-        place, entered = (
-            module.relative_to(PACKAGE).as_posix(),
-            [d for d in first if _name(module) in loaded(d)],
-        )
+        place = module.relative_to(PACKAGE).as_posix()
+        entered = [d for d in first if _name(module) in loaded(d)]
         for name in imports(module, inside=True):
             if module != BARE and not any(HEAVY & loaded(name) - loaded(door) for door in entered):
                 needless.add((place, name))
@@ -182,9 +185,8 @@ def test_no_help_waits_for_a_compiler_a_cluster_or_a_figure() -> None:
 
 def test_what_is_loaded_is_found_by_following_imports() -> None:
     """By name, and with the packages that lie above; nothing of what is imported late."""
-    assert "skimage" in loaded("lightfield.maps.spot") and "scipy" in loaded(
-        "lightfield.studies.compare.maps"
-    )
+    assert "skimage" in loaded("lightfield.maps.spot")
+    assert "scipy" in loaded("lightfield.studies.compare.maps")
     assert "lightfield.scene.scene" in loaded("lightfield.scene.lamp.frame")
     assert not HEAVY & loaded("lightfield.scene") and "mitsuba" not in loaded("lightfield.render.maps")
 
@@ -231,7 +233,7 @@ def stands_for_any(node: ast.stmt) -> bool:
 def holds_its_namesake(module: Path, node: ast.ClassDef) -> bool:
     """Is it an answer of the api, `class Link(Result[study.Link])`?"""
     held = {ast.unparse(base.slice) for base in node.bases if isinstance(base, ast.Subscript)}
-    imported = [n for n in ast.walk(tree(module)) if isinstance(n, ast.ImportFrom)]
+    imported = [n for n in nodes(module) if isinstance(n, ast.ImportFrom)]
     called = {a.asname: a.name for n in imported for a in n.names if a.asname}
     names = {called.get(one, one.rpartition(".")[2]) for one in held}
     return module.relative_to(PACKAGE).parts[0] == "api" and node.name in names
@@ -272,7 +274,7 @@ def may(name: str, place: str) -> bool:
     """Another of its name may be elsewhere: it is a convention, a promise, or what this one calls."""
     if name in CONVENTIONS or PROMISED.get(name) == place:
         return True
-    called = [n.func for n in ast.walk(tree(PACKAGE / place)) if isinstance(n, ast.Call)]
+    called = [n.func for n in nodes(PACKAGE / place) if isinstance(n, ast.Call)]
     return name in {one.attr for one in called if isinstance(one, ast.Attribute)}
 
 
@@ -290,7 +292,7 @@ def test_what_belongs_together_is_handed_over_together() -> None:
     long = set()
     for module in MODULES:
         place = module.relative_to(PACKAGE).as_posix()
-        for node in ast.walk(tree(module)):
+        for node in nodes(module):
             if isinstance(node, ast.FunctionDef) and not place.startswith("api/"):
                 a = node.args
                 names = [*a.posonlyargs, *a.args, *a.kwonlyargs, *filter(None, (a.vararg, a.kwarg))]
@@ -311,10 +313,9 @@ def imports(module: Path, *, inside: bool = False) -> frozenset[str]:
             found |= {alias.name for alias in node.names}
         elif in_function == inside and isinstance(node, ast.ImportFrom):
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
-    ours = {
-        name if _file(name) else name.rpartition(".")[0] for name in found if name.startswith("lightfield")
-    }
-    return frozenset(ours | {name.split(".")[0] for name in found if not name.startswith("lightfield")})
+    ours = {name for name in found if name.startswith(TOP)}
+    homes = {name if _file(name) else name.rpartition(".")[0] for name in ours}
+    return frozenset(homes | {name.split(".")[0] for name in found - ours})
 
 
 @cache
@@ -367,11 +368,11 @@ def test_the_library_names_no_options_and_no_commands() -> None:
     found = []
     for module in MODULES:
         if module.relative_to(PACKAGE).parts[0] not in OF_COMMANDS:
-            nodes = [*ast.walk(tree(module))]
-            raised = [node.exc for node in nodes if isinstance(node, ast.Raise) and node.exc is not None]
+            every = nodes(module)
+            raised = [node.exc for node in every if isinstance(node, ast.Raise) and node.exc is not None]
             found += [text for error in raised for text in texts(error) if OPTION.search(text)]
-            docstrings = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
-            told = [node for node in nodes if id(node) not in docstrings]
+            docstrings = {id(node.value) for node in every if isinstance(node, ast.Expr)}
+            told = [node for node in every if id(node) not in docstrings]
             found += [text for node in told for text in text_of(node) if COMMAND_LINE.search(text)]
     pages = [file for end in ("js", "html") for file in PACKAGE.rglob(f"*.{end}")]
     assert pages and found == []
@@ -384,7 +385,7 @@ def test_no_import_hides_in_a_text() -> None:
         module.relative_to(PACKAGE).as_posix()
         for module in MODULES
         if re.search(r"import_module\(|__import__", module.read_text("utf-8"))
-        if any(text.startswith(f"{TOP}.") for node in ast.walk(tree(module)) for text in text_of(node))
+        if any(text.startswith(f"{TOP}.") for node in nodes(module) for text in text_of(node))
     }
     assert hidden == {"commands/shared/line.py"}
 

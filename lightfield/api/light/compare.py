@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike, fspath
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
 import pandas as pd
@@ -244,14 +244,8 @@ def _maps_of(dataset: xr.Dataset) -> Maps:
 
 def _asked(rel_error: float | None, max_photons: float | None, seed: int | None) -> Tracing:
     """How well to trace, as far as it is said."""
-    asked: Tracing = {}
-    if rel_error is not None:
-        asked["rel_error"] = rel_error
-    if max_photons is not None:
-        asked["max_photons"] = max_photons
-    if seed is not None:
-        asked["seed"] = seed
-    return asked
+    given = {"rel_error": rel_error, "max_photons": max_photons, "seed": seed}
+    return cast(Tracing, {name: value for name, value in given.items() if value is not None})
 
 
 def _maps_compared(what: Scene | Maps | AnyPath, asked: Tracing, cache: bool) -> Comparison:

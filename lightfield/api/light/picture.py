@@ -61,10 +61,7 @@ class Picture(Result[camera.Picture]):
             "wavelengths_nm": self.details.wavelength_nm.tolist(),
         }
         light = xr.DataArray(
-            self.details.rgb,
-            dims=("row", "column", "colour"),
-            coords={"colour": list(_COLOURS)},
-            attrs=about,
+            self.details.rgb, dims=("row", "column", "colour"), coords={"colour": list(_COLOURS)}, attrs=about
         )
         return light.to_dataset(name="rgb").assign_attrs(notes="; ".join(map(str, self.details.notes)))
 

@@ -22,10 +22,7 @@ def printable(text: str) -> str:
 @contextlib.contextmanager
 def plain_output() -> Iterator[None]:
     """Within it, standard output and standard error take nothing but printable text."""
-    with (
-        contextlib.redirect_stdout(_Plain(sys.stdout)),
-        contextlib.redirect_stderr(_Plain(sys.stderr)),
-    ):
+    with contextlib.redirect_stdout(_Plain(sys.stdout)), contextlib.redirect_stderr(_Plain(sys.stderr)):
         yield
 
 

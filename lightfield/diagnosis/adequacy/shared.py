@@ -17,13 +17,7 @@ _EVIDENT = 2.0
 
 
 def shared_part(
-    residual: Array,
-    rich: Array,
-    keep: Array,
-    spectrum: Labels,
-    relative: Array,
-    known: Array,
-    stated: bool,
+    residual: Array, rich: Array, keep: Array, spectrum: Labels, relative: Array, known: Array, stated: bool
 ) -> float:
     """Standard error over the reading that bands of one spectrum share, as a part of the whole errors; 0
     without evidence.

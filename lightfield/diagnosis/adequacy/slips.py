@@ -112,10 +112,7 @@ def _sequences(layout: Layout, prediction: Array, at: Labels) -> dict[str, Array
 
 
 def _scan(
-    sequences: dict[str, Array],
-    struck: NDArray[np.bool_],
-    above: NDArray[np.bool_],
-    rng: np.random.Generator,
+    sequences: dict[str, Array], struck: NDArray[np.bool_], above: NDArray[np.bool_], rng: np.random.Generator
 ) -> _Window | None:
     """The window that holds most of what was struck, beyond chance, and the chance of one like it."""
     seen = np.r_[np.flatnonzero(struck & above), np.flatnonzero(struck & ~above)]

@@ -305,10 +305,7 @@ def _shaped(forms: list[Candidate]) -> list[Candidate]:
 
 
 def candidates(
-    setting: Setting,
-    effects: Iterable[Effect],
-    base: Iterable[str],
-    without_diffuse: Hindrance | None = None,
+    setting: Setting, effects: Iterable[Effect], base: Iterable[str], without_diffuse: Hindrance | None = None
 ) -> tuple[tuple[Candidate, ...], dict[str, tuple[Hindrance, ...]]]:
     """Testable forms of the effects, and what stands in the way of each effect that cannot be tested.
 

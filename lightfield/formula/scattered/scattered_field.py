@@ -16,12 +16,7 @@ from scipy.interpolate import CubicSpline
 
 from lightfield.arrays import TINY, Array, Mask
 from lightfield.formula.scattered.multiple import Spread, closure, largest_kz, multiple
-from lightfield.formula.scattered.quadrature import (
-    EmissionTable,
-    mean_cosine,
-    near,
-    shares_at,
-)
+from lightfield.formula.scattered.quadrature import EmissionTable, mean_cosine, near, shares_at
 from lightfield.formula.scattered.single import (
     LitPaths,
     Resolution,

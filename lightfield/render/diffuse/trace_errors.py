@@ -79,24 +79,15 @@ def relative_modes(
     if not parts:
         return np.zeros((len(channel), 0))
     per_light = 1 / np.maximum(light, _DARK * light.max(axis=1, keepdims=True, initial=1e-290))
-    gathered = _by_plane if shift.asked > MANY else _one_by_one
-    every = gathered(shift, parts, per_light, walls, channel)
+    if shift.asked > MANY:
+        every = _by_plane(shift, parts, per_light, walls, channel)
+    else:  # every contribution of every class and trace: to some readings at a time, as all take memory
+        some = [slice(first, first + _AT_ONCE) for first in range(0, len(channel), _AT_ONCE)] or [slice(0)]
+        every = np.concatenate(
+            [_of_some(shift.shares[rows], parts, per_light, walls, channel[rows]) for rows in some]
+        )
     every /= np.maximum(np.linalg.norm(every, axis=1, keepdims=True), 1)
     return every
-
-
-def _one_by_one(
-    shift: Shift,
-    parts: dict[int, ClassLight],
-    per_light: Array,
-    walls: csr_array,
-    channel: NDArray[np.integer[Any]],
-) -> Array:
-    """Every contribution of every class and trace; to some readings at a time, as all take memory."""
-    some = [slice(first, first + _AT_ONCE) for first in range(0, len(channel), _AT_ONCE)] or [slice(0)]
-    return np.concatenate(
-        [_of_some(shift.shares[rows], parts, per_light, walls, channel[rows]) for rows in some]
-    )
 
 
 def _of_some(

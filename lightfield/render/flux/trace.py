@@ -38,13 +38,7 @@ def trace_flux(scene: Scene, grid: Grid, reference: Reference, photons: int, see
     for batch in range(_BATCHES):
         for first in range(0, each, largest):
             launch = min(largest, each - first)
-            counts, _ = trace(
-                setup,
-                launch,
-                seed * 1009 + batch,
-                first=first,
-                direct=False,
-            )
+            counts, _ = trace(setup, launch, seed * 1009 + batch, first=first, direct=False)
             sums[batch] += counts
             sent = batch * each + first + launch
             tell(f"{sent:.3g} photons", sent / (_BATCHES * each))

@@ -84,12 +84,7 @@ class PhotonTracer(mi.ad.integrators.common.ADIntegrator):
             total = np.zeros(grid.shape)
             for first in range(0, photons, _LARGEST_LAUNCH):
                 launch = min(_LARGEST_LAUNCH, photons - first)
-                counts, _ = trace(
-                    problem,
-                    launch,
-                    seed * 1009 + batch,
-                    first=first,
-                )
+                counts, _ = trace(problem, launch, seed * 1009 + batch, first=first)
                 total += counts.sum(axis=0).reshape(grid.shape) * (launch / photons / counted(launch))
             maps.append(total * lamp.intensity)
         back = np.argsort(order)

@@ -186,10 +186,7 @@ def in_tank(grid: Grid, scene: Scene) -> Grid:
 
 
 def fineness(
-    z_m: np.ndarray,
-    hwhm_deg: float = _BROAD_DEG,
-    tank: Tank | None = None,
-    detector: Detector | None = None,
+    z_m: np.ndarray, hwhm_deg: float = _BROAD_DEG, tank: Tank | None = None, detector: Detector | None = None
 ) -> float:
     """How much smaller than in a tow tank everything is: 1 for a beam of 3.2 degrees from 4.5 m on."""
     beam = np.min(z_m) * np.radians(min(hwhm_deg, _BROAD_DEG))

@@ -44,11 +44,7 @@ _FEWEST_LIT = 8
 
 
 def trace_until(
-    scene: Scene,
-    grid: Grid,
-    reference: Reference,
-    settings: Settings,
-    path_nodes: int | None = None,
+    scene: Scene, grid: Grid, reference: Reference, settings: Settings, path_nodes: int | None = None
 ) -> tuple[TransportResponse, Bookkeeping, float]:
     """Trace until 95 % of the lit cells are known to `settings.rel_error`, or the photon budget is spent.
 
@@ -79,13 +75,7 @@ def trace_until(
     first, reached = 0, float("inf")
     while True:
         for batch in range(batches):
-            counts, book = trace(
-                setup,
-                launch,
-                settings.seed * 1009 + batch,
-                first=first,
-                mirror_x=mirrored,
-            )
+            counts, book = trace(setup, launch, settings.seed * 1009 + batch, first=first, mirror_x=mirrored)
             sums[batch] += counts
             books.append(book)
             shares.append(launch)

@@ -168,18 +168,7 @@ def assembled(
         turn = by_plugin(mi.load_dict(phase_dict(scene)))
     if reference.molecular_share:
         turn = with_molecules(turn, reference.molecular_share)
-    return Setup(
-        met,
-        turn,
-        emission,
-        planes,
-        histories,
-        reference_water,
-        loaded,
-        reference,
-        grid,
-        straight,
-    )
+    return Setup(met, turn, emission, planes, histories, reference_water, loaded, reference, grid, straight)
 
 
 def phase_dict(scene: Scene, molecules: float = 0.0) -> dict[str, Any]:

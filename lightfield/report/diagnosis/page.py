@@ -39,12 +39,7 @@ from lightfield.diagnosis.verdict.words.floor import why_below
 from lightfield.diagnosis.verdict.words.stated import named_beside_scene, stated_lines
 from lightfield.fitting.curves import field_of, is_amplitude
 from lightfield.report.diagnosis.curves import curve_figure, left_figure
-from lightfield.report.diagnosis.figures import (
-    LEAST_PERCENT,
-    data_figure,
-    residual_map,
-    signature_figure,
-)
+from lightfield.report.diagnosis.figures import LEAST_PERCENT, data_figure, residual_map, signature_figure
 from lightfield.report.diagnosis.ladder import ladder_figure, separation_figure
 from lightfield.report.diagnosis.rest import rest_figure
 from lightfield.report.diagnosis.single_places import measured_figure, place_map

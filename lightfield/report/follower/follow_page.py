@@ -118,6 +118,7 @@ def _run_by(one: Followed) -> str:
 
 def follow_sweep_page(data: xr.Dataset) -> str:
     """The page of runs over parameters; `data` as `sweep.results.open_store` gives it."""
+    data = data.compute()  # a few numbers a case, each of which is asked for several times
     scene, axes = Scene.from_toml(data.attrs["scene_toml"]), axes_of(data)
     metric = _first_asked(scene)
     unit, meaning = METRICS[metric]

@@ -43,10 +43,7 @@ LEDS: dict[str, tuple[Peak, ...]] = {
     "led-red": (Peak(peak_nm=625.0, fwhm_nm=20.0),),
     "led-deep-red": (Peak(peak_nm=660.0, fwhm_nm=20.0),),
     "led-white": (Peak(peak_nm=450.0, fwhm_nm=22.0), Peak(peak_nm=565.0, fwhm_nm=125.0, height=0.5)),
-    "led-warm-white": (
-        Peak(peak_nm=450.0, fwhm_nm=22.0, height=0.45),
-        Peak(peak_nm=600.0, fwhm_nm=140.0),
-    ),
+    "led-warm-white": (Peak(peak_nm=450.0, fwhm_nm=22.0, height=0.45), Peak(peak_nm=600.0, fwhm_nm=140.0)),
 }
 
 

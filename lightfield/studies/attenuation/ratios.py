@@ -35,13 +35,7 @@ from lightfield.studies.attenuation.means import (
 )
 from lightfield.studies.attenuation.remark import Remark, Studied
 from lightfield.studies.attenuation.seen import Seen, seen_by
-from lightfield.studies.attenuation.shared_errors import (
-    falls,
-    of_places,
-    own_share,
-    sideways,
-    stay_variance,
-)
+from lightfield.studies.attenuation.shared_errors import falls, of_places, own_share, sideways, stay_variance
 
 #: A reading is below zero, and not faint, by so many of its errors (chosen: of a thousand one by chance).
 _BELOW_SIGMA = 3.0

@@ -25,12 +25,7 @@ from lightfield.studies.attenuation.constituents import (
 from lightfield.studies.attenuation.excess import no_excess
 from lightfield.studies.attenuation.ratios import ratios_of
 from lightfield.studies.attenuation.remark import Remark, Studied
-from lightfield.studies.attenuation.scattered import (
-    Scattered,
-    other_phases,
-    scattered_light,
-    traced_stack,
-)
+from lightfield.studies.attenuation.scattered import Scattered, other_phases, scattered_light, traced_stack
 from lightfield.studies.attenuation.stack import Stack, same_water
 
 

@@ -12,12 +12,7 @@ from lightfield.studies.attenuation.apparent import Apparent
 from lightfield.studies.attenuation.common_errors import POOR_FIT, misfit_factor
 from lightfield.studies.attenuation.constituents import LEVELS, Constituents
 from lightfield.studies.attenuation.scattered import Scattered
-from lightfield.studies.attenuation.study import (
-    Attenuation,
-    Content,
-    beer_lambert_is_off,
-    only_without_grey,
-)
+from lightfield.studies.attenuation.study import Attenuation, Content, beer_lambert_is_off, only_without_grey
 from lightfield.wording import capital, minus
 
 #: So many colours are printed of more than so many, in a terminal and on a page; the data hold all.

@@ -101,12 +101,7 @@ def untold_sentences(found: Bands) -> list[str]:
 def rows(found: Bands) -> list[list[str]]:
     """Distance, criterion, best band, what the scene's band has of the best, as text."""
     return [
-        [
-            f"{b.z_m:g} m",
-            CRITERIA[b.criterion],
-            f"{b.low_nm:g}–{b.high_nm:g} nm",
-            _share(b),
-        ]
+        [f"{b.z_m:g} m", CRITERIA[b.criterion], f"{b.low_nm:g}–{b.high_nm:g} nm", _share(b)]
         for b in found.best
         if not (found.is_grey and b.criterion == "attenuation")  # all bands alike
     ]

@@ -227,7 +227,7 @@ class Followed:
         lines = [
             f"{self.name}: {len(self.track.contact)} runs of {mission.duration_s:g} s, {mission.task}, "
             f"{mission.law}, {mission.vehicle} with {mission.degrees_of_freedom} degrees of freedom; "
-            f"believes {self.believed}",
+            f"believes {self.believed}"
         ]
         for name, one in self.spreads.items():
             unit, meaning = METRICS[name]

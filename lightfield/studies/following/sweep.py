@@ -27,13 +27,7 @@ from lightfield.studies.following.truth_and_belief import densest_per_m
 from lightfield.sweep.axes import Axis
 from lightfield.sweep.cases import Cases
 from lightfield.sweep.runner import Report, SweepProgress, run_sweep
-from lightfield.sweep.schema import (
-    LONGEST_MESSAGE,
-    SweepKind,
-    axes_as_plain,
-    axis_coordinates,
-    beside_axes,
-)
+from lightfield.sweep.schema import LONGEST_MESSAGE, SweepKind, axes_as_plain, axis_coordinates, beside_axes
 from lightfield.sweep.sweep_plan import Block, SweepPlan, SweepSettings, plan_of_single_cases
 from lightfield.sweep.work import BlockDone, peak_bytes, worker_name, write_block
 from lightfield.sweep.zarrfile import Variable

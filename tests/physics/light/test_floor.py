@@ -3,19 +3,15 @@ a fit."""
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from followed_in_a_tank import followed, turbid
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.readings import Readings
-from lightfield.render.at_readings import render_positions, rendered_light
-from lightfield.render.diffuse.diffuse_response import DiffuseResponse
-from lightfield.render.diffuse.directed import Keeper
-from lightfield.render.diffuse.followed import FollowedLight
-from lightfield.render.diffuse.ratio import Ratio, traced_ratio
+from lightfield.render.at_readings import rendered_light
 from lightfield.render.diffuse.source import response_for
 from lightfield.render.maps import render_scene
 from lightfield.render.reflected.reflected_light import ReflectedLight
@@ -126,52 +122,6 @@ def test_a_bright_floor_is_found_beside_its_walls(hidden: tuple[Readings, Scene]
         assert abs(values[path].value - true) < 4 * values[path].stderr + 0.03 * true, path
 
 
-BOX = {"width_m": 2.0, "depth_m": 1.6, "length_m": 8.0, "behind_lamp_m": 0.4, "lamp_depth_m": 0.7}
-
-
-@cache
-def traced(lit: Scene) -> tuple[np.ndarray, np.ndarray, Ratio]:
-    """Diffuse light by a full trace, its error, and the ratio that fits follow; of some scenes twice."""
-    x, y, z = np.asarray(lit.detector.positions_m, float).T
-    full = render_positions(lit, rel_error=1e-3, max_photons=3e6, seed=3, cache=False)
-    (mean,), (noise,) = full.relative(np.array([525.0]), "diffuse")
-    return mean, noise, traced_ratio(lit, x, y, z, np.array([525.0]), photons=1e6, seed=5)
-
-
-@cache
-def response(believed: Scene) -> DiffuseResponse:
-    """A fit's own trace, by which it follows several scenes."""
-    x, y, z = np.asarray(believed.detector.positions_m, float).T
-    return response_for(believed, x, y, z, photons=1_000_000, keeper=Keeper(cache=False))
-
-
-def followed(lit: Scene, believed: Scene) -> list[tuple[float, float, float]]:
-    """Light that a fit follows over that of a fresh trace, on two planes; its stated error; the trace's.
-
-    The fit's own trace is of the scene that is believed, its light that of the scene that is lit.
-    """
-    x, y, z = np.asarray(lit.detector.positions_m, float).T
-    mean, noise, ratio = traced(lit)
-    follows = FollowedLight.of(response(believed), (x, y, z), [(lit, ratio)])
-    light = follows.light(lit, [None])[0]
-    modes, smooth = follows.errors(lit, [None], np.zeros(len(x), int))
-    out = []
-    for plane in (4.0, 6.0):
-        on = z == plane
-        whole, error = mean[on].sum(), np.hypot(np.linalg.norm(modes[on].sum(axis=0)), smooth[on].sum())
-        out.append((light[on].sum() / whole, error / whole, noise[on].sum() / whole))
-    return out
-
-
-def grey(walls: float) -> Scene:
-    x, y, z = (g.ravel() for g in np.meshgrid([-0.4, 0.0, 0.4], [-0.4, 0.0, 0.4], [4.0, 6.0]))
-    water = {"absorption_per_m": PER_M, "scattering_per_m": 0.15}
-    read = {"positions_m": np.stack([x, y, z], axis=1).tolist()}
-    return Scene.from_dict(
-        {"lamp": {"hwhm_deg": 8.0}, "water": water, "tank": {**BOX, "wall_albedo": walls}, "detector": read}
-    )
-
-
 @pytest.mark.parametrize(
     "values",
     [
@@ -186,9 +136,9 @@ def grey(walls: float) -> Scene:
 def test_what_a_fit_guesses_of_light_from_walls_is_in_its_errors(values: dict[str, Any]) -> None:
     """Light that is scattered too follows floor and end as other light does, and layers dim it as if it came
     straight: under a black floor 3 % too bright at 6 m, where 0.6 to 0.8 % were stated."""
-    lit = grey(0.8).with_values(values)
+    lit = turbid(wall_albedo=0.8).with_values(values)
     surface = "tank.surface_reflectance"
-    believed = grey(0.8).with_values({surface: values.get(surface, 0.0)})
+    believed = turbid(wall_albedo=0.8).with_values({surface: values.get(surface, 0.0)})
     for ratio, stated, noise in followed(lit, believed):
         assert abs(ratio - 1) < 2.5 * np.hypot(stated, noise)
 
@@ -205,6 +155,6 @@ def test_what_a_fit_guesses_of_light_from_walls_is_in_its_errors(values: dict[st
 def test_a_floor_and_an_end_that_the_scene_states_are_in_the_trace_of_a_fit(
     walls: float, values: dict[str, float]
 ) -> None:
-    lit = grey(walls).with_values(values)
+    lit = turbid(wall_albedo=walls).with_values(values)
     for ratio, stated, noise in followed(lit, lit):
         assert abs(ratio - 1) < 2.5 * np.hypot(stated, noise) < 0.03

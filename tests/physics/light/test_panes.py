@@ -9,16 +9,13 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 import pytest
+from followed_in_a_tank import followed, turbid
 from scipy.integrate import quad
 
 from lightfield.diagnosis.diagnose import diagnose
 from lightfield.diagnosis.verdict.cautions.caution import Warns
 from lightfield.readings import Readings
-from lightfield.render.at_readings import render_positions, rendered_light
-from lightfield.render.diffuse.directed import Keeper
-from lightfield.render.diffuse.followed import FollowedLight
-from lightfield.render.diffuse.ratio import traced_ratio
-from lightfield.render.diffuse.source import response_for
+from lightfield.render.at_readings import rendered_light
 from lightfield.render.maps import render_scene
 from lightfield.render.reflected import panes
 from lightfield.render.reflected.reflected_light import ReflectedLight
@@ -189,18 +186,6 @@ def test_the_tracer_mirrors_as_images_do(faces: dict[str, Any]) -> None:
     assert mean.mean() == pytest.approx(images.mean(), rel=3e-3)
 
 
-BOX = {"width_m": 2.0, "depth_m": 1.6, "length_m": 8.0, "behind_lamp_m": 0.4, "lamp_depth_m": 0.7}
-
-
-def turbid(**tank: Any) -> Scene:
-    x, y, z = (g.ravel() for g in np.meshgrid([-0.4, 0.0, 0.4], [-0.4, 0.0, 0.4], [4.0, 6.0]))
-    water = {"absorption_per_m": PER_M, "scattering_per_m": 0.15}
-    read = {"positions_m": np.stack([x, y, z], axis=1).tolist()}
-    return Scene.from_dict(
-        {"lamp": {"hwhm_deg": 8.0}, "water": water, "tank": {**BOX, **tank}, "detector": read}
-    )
-
-
 @pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize(
     ("tank", "stated"),
@@ -223,18 +208,9 @@ def turbid(**tank: Any) -> Scene:
 def test_light_of_fits_in_turbid_water(tank: dict[str, Any], stated: dict[str, float]) -> None:
     """What a fit follows, by a trace of the scene as it is stated, beside a full trace of it as it is."""
     lit = turbid(**tank)
-    x, y, z = np.asarray(lit.detector.positions_m, float).T
-    traced = render_positions(lit, rel_error=1e-3, max_photons=3e6, seed=3, cache=False)
-    (mean,), (noise,) = traced.relative(np.array([525.0]), "diffuse")
-    ratio = traced_ratio(lit, x, y, z, np.array([525.0]), photons=1e6, seed=5)
-    response = response_for(lit.with_values(stated), x, y, z, photons=1_000_000, keeper=Keeper(cache=False))
-    follows = FollowedLight.of(response, (x, y, z), [(lit, ratio)])
-    light, (modes, smooth) = follows.light(lit, [None])[0], follows.errors(lit, [None], np.zeros(len(x), int))
-    for plane in (4.0, 6.0):
-        on = z == plane
-        error = np.hypot(np.linalg.norm(modes[on].sum(axis=0)), smooth[on].sum())
-        assert abs(light[on].sum() - mean[on].sum()) < 2.5 * np.hypot(error, noise[on].sum())
-        assert error < 0.08 * mean[on].sum()
+    for ratio, error, noise in followed(lit, lit.with_values(stated)):
+        assert abs(ratio - 1) < 2.5 * np.hypot(error, noise)
+        assert error < 0.08
 
 
 def measured(truth: Scene) -> Readings:

@@ -10,13 +10,7 @@ from scattering_water import scene
 from scipy.special import j0
 
 from lightfield.formula.scattered.multiple import Spread, largest_kz, multiple
-from lightfield.formula.scattered.quadrature import (
-    emission,
-    finest_rad,
-    interval,
-    near,
-    turns,
-)
+from lightfield.formula.scattered.quadrature import emission, finest_rad, interval, near, turns
 from lightfield.formula.scattered.scattered_field import ScatteredField, describes
 from lightfield.formula.scattered.single import LitPaths, Resolution, SinglePaths, single_paths
 from lightfield.scene.lamp.frame import beam_axes

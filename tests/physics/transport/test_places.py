@@ -46,7 +46,7 @@ SCENES = {
             },
             "detector": {"planes_m": PLANES, "width_m": PIXELS * PIXEL_M, "pixels": PIXELS},
         }
-    ),
+    )
 }
 SCENES["narrow tank"] = Scene.from_dict(
     {

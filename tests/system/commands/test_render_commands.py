@@ -265,10 +265,7 @@ def test_a_narrow_lamp_lights_the_colour_that_it_has_in_water_of_its_own_wavelen
         (["render", "{scene}", "--wavelengths", "red"], "--wavelengths: not wavelengths"),
         (["render", "{scene}", "--wavelengths", "600,500"], "--wavelengths: impossible wavelengths"),
         (["render", "{scene}", "--rel-error", "0"], "impossible relative error"),
-        (
-            ["render", "{scene}", "--max-photons", "1"],
-            "--max-photons: found '1'; rule: a number, 1e3",
-        ),
+        (["render", "{scene}", "--max-photons", "1"], "--max-photons: found '1'; rule: a number, 1e3"),
         (["render", "{scene}", "--seed", "-1"], "--seed"),
         (["render", "{scene}", "-o", "{scene}"], "cannot write here"),
         (["compare", "{scene}", "-o", "{scene}/deeper"], "cannot write here"),

@@ -37,12 +37,17 @@ def diagnosis(table):
     return lf.diagnose(*table, effects=["background", "beam_offset"], trace=False)
 
 
+@pytest.fixture(scope="module")
+def surveyed():
+    return lf.array.show(SCENES / "leader_follower" / "clear.toml", trace=False)
+
+
 @pytest.fixture
 def maps(make):
     return Maps(to_dataset(make(pixels=9)))
 
 
-def answers(table, diagnosis, maps):
+def answers(table, diagnosis, surveyed, maps):
     """One of every kind that needs no trace, with how many rows its table has."""
     readings, scene = table
     tank = SCENES / "unh_tow_tank"
@@ -50,7 +55,6 @@ def answers(table, diagnosis, maps):
     ranged = lf.range(scene, trace=False)
     banded = lf.band(tank / "spectra.toml", trace=False, width=100.0, between=(450.0, 650.0))
     water = lf.attenuation([tank / "spectra.csv"], [tank / "spectra.toml"], trace=False)
-    surveyed = lf.array.show(follower, trace=False)
     arrays = lf.array.compare(follower, {"flat": follower.with_name("flat.toml")}, trace=False)
     biased = lf.pose.bias(follower, trace=False)
     return {
@@ -77,8 +81,8 @@ HEAVY = {"diagnosis", "fit"}
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, maps, tmp_path):
-    for name, (answer, rows) in answers(table, diagnosis, maps).items():
+def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, surveyed, maps, tmp_path):
+    for name, (answer, rows) in answers(table, diagnosis, surveyed, maps).items():
         assert len(repr(answer)) <= 200 and "\n" not in repr(answer), name
         assert str(answer) == answer.as_text() and answer.headline
         assert isinstance(answer.as_data(), dict)
@@ -104,8 +108,8 @@ def test_every_answer_can_be_read_drawn_tabled_and_written(table, diagnosis, map
 
 
 @pytest.mark.slow
-def test_every_answer_has_a_page(table, diagnosis, maps, tmp_path):
-    for name, (answer, _) in answers(table, diagnosis, maps).items():
+def test_every_answer_has_a_page(table, diagnosis, surveyed, maps, tmp_path):
+    for name, (answer, _) in answers(table, diagnosis, surveyed, maps).items():
         page = answer.report(tmp_path / f"{name}.html").read_text(encoding="utf-8")
         assert "</html>" in page and "<svg" in page, name
 
@@ -138,9 +142,8 @@ def test_a_diagnosis_in_python_is_that_of_the_command(table, diagnosis):
     assert rows.base_model.sub(rows.value).std() > 2 * rows.model.sub(rows.value).std()
 
 
-def test_angles_in_tables_are_degrees_and_names_of_lengths_say_metres():
-    found = lf.array.show(SCENES / "leader_follower" / "clear.toml", trace=False)
-    table, data = found.to_pandas(), found.to_xarray()
+def test_angles_in_tables_are_degrees_and_names_of_lengths_say_metres(surveyed):
+    table, data = surveyed.to_pandas(), surveyed.to_xarray()
     for name, unit in (("sigma_x_m", 1.0), ("sigma_yaw_deg", np.degrees(1.0))):
         np.testing.assert_allclose(table[name], unit * data[name.rpartition("_")[0]].values.ravel())
 

@@ -184,8 +184,7 @@ def test_the_command_answers_and_writes(tmp_path, capsys) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "names",
-    [["beam_offset", "background", "lamp_drift"], ["beam_profile:4 functions", "background"]],
+    "names", [["beam_offset", "background", "lamp_drift"], ["beam_profile:4 functions", "background"]]
 )
 def test_chances_are_those_of_noisy_campaigns(layout: Readings, names: list[str]) -> None:
     """Twenty campaigns, diagnosed: each effect is certain, or named, about as often as was foretold.

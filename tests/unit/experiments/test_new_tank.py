@@ -151,8 +151,7 @@ def test_what_is_no_band_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("answer", "base"),
-    [("pure", "pure"), ("petzold-coastal", "petzold-coastal"), ("Jerlov-5c", "jerlov-5C")],
+    ("answer", "base"), [("pure", "pure"), ("petzold-coastal", "petzold-coastal"), ("Jerlov-5c", "jerlov-5C")]
 )
 def test_waters_have_names(answer: str, base: str) -> None:
     assert new_tank({"water": answer, "tank": "none"}).scene.water.base == base

@@ -16,12 +16,7 @@ from lightfield.diagnosis.diagnose import diagnose
 from lightfield.errors import FitError, LightfieldError, RenderError, UsageError
 from lightfield.explorer import protocol
 from lightfield.explorer.beside import EndedError
-from lightfield.explorer.documents import (
-    open_session,
-    residuals_csv,
-    scene_toml,
-    session_json,
-)
+from lightfield.explorer.documents import open_session, residuals_csv, scene_toml, session_json
 from lightfield.explorer.evaluation import missing_trace
 from lightfield.explorer.experiment import explored
 from lightfield.explorer.fits import Fits

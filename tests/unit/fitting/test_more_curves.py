@@ -180,10 +180,7 @@ def test_an_attenuation_spectrum_is_found(tmp_path: Path) -> None:
 def test_a_dye_is_called_by_its_spectrum_and_dissolved_matter_by_its_name(tmp_path: Path) -> None:
     """Named forms win where they suffice."""
     verdicts = {}
-    for name, more in {
-        "dye": dye(COLOURS),
-        "cdom": 0.3 * np.exp(-0.014 * (COLOURS - 440.0)),
-    }.items():
+    for name, more in {"dye": dye(COLOURS), "cdom": 0.3 * np.exp(-0.014 * (COLOURS - 440.0))}.items():
         rng = np.random.default_rng(2)
         made = coloured(rng, more)
         lit = made.pop("lit")

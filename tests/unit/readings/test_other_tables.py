@@ -10,8 +10,7 @@ from lightfield.readings.importing.importer import import_index
 
 
 @pytest.mark.parametrize(
-    "content",
-    ["file,z_m,role\na.txt,2,signal\nd.txt,,dark\n", "Maker;Mini\nNumber;7\n400,0;12,5\n"],
+    "content", ["file,z_m,role\na.txt,2,signal\nd.txt,,dark\n", "Maker;Mini\nNumber;7\n400,0;12,5\n"]
 )
 def test_what_has_to_be_imported_is_sent_there_in_one_line(tmp_path, content):
     (tmp_path / "a.csv").write_text(content)

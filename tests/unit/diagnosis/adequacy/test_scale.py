@@ -7,12 +7,7 @@ import pytest
 from toy_problem import layout
 
 from lightfield.diagnosis.adequacy.likelihood import SCALE_SPREAD
-from lightfield.diagnosis.adequacy.scale import (
-    SMALLEST_SCALE,
-    STATED_COUNT_AS,
-    likeliest_scale,
-    noise_scale,
-)
+from lightfield.diagnosis.adequacy.scale import SMALLEST_SCALE, STATED_COUNT_AS, likeliest_scale, noise_scale
 from lightfield.diagnosis.problem.noise import Budget, Noise
 from lightfield.diagnosis.problem.whitening import Whitener
 

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from lightfield.diagnosis.adequacy.scale import noise_scale, scale_along
 from lightfield.diagnosis.problem import noise as noise_module
 from lightfield.diagnosis.problem.chain import fewer_columns, low_rank
-from lightfield.diagnosis.problem.dense import DenseFactor
 from lightfield.diagnosis.problem.layout import Layout, one_by_one
 from lightfield.diagnosis.problem.noise import Budget, Noise
-from lightfield.diagnosis.problem.whitening import Whitener
+from lightfield.diagnosis.problem.whitening import DenseFactor, Whitener
 
 
 def layout(n: int, rng: np.random.Generator, stays: int = 3, channels: int = 2, ties: bool = False) -> Layout:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pytest
 
 from lightfield.diagnosis.diagnose import Diagnosis, diagnose
 from lightfield.diagnosis.verdict import ladder
@@ -37,8 +38,12 @@ def read() -> Readings:
     return Readings.from_arrays(x_m=x, y_m=zero, z_m=z, value=value, stderr=sigma, time_s=time_s)
 
 
-def test_the_error_falls_from_rung_to_rung() -> None:
-    found = diagnose(read(), SCENE, diffuse=None, advise=False)
+@pytest.fixture(scope="module")
+def found() -> Diagnosis:
+    return diagnose(read(), SCENE, diffuse=None, advise=False)
+
+
+def test_the_error_falls_from_rung_to_rung(found: Diagnosis) -> None:
     verdict = found.verdict
     assert sorted(verdict.best_set) == ["lamp_drift", "water_gradient"]
     errors = [rung.error_percent for rung in verdict.ladder]
@@ -48,9 +53,8 @@ def test_the_error_falls_from_rung_to_rung() -> None:
     assert order(found, 1.0) == ["water_gradient", "lamp_drift"]
 
 
-def test_below_the_noise_no_rise_of_the_error_is_one() -> None:
+def test_below_the_noise_no_rise_of_the_error_is_one(found: Diagnosis) -> None:
     """Were the readings a hundred times as uncertain, what lowers chi-square most would come first."""
-    found = diagnose(read(), SCENE, diffuse=None, advise=False)
     assert order(found, 100.0) == ["lamp_drift", "water_gradient"]
 
 

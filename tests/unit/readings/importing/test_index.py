@@ -8,18 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from campaign import (
-    BAND,
-    DARK,
-    ROWS,
-    WAVELENGTH,
-    codes,
-    jaz,
-    oceanview,
-    problems,
-    rate,
-    run,
-)
+from campaign import BAND, DARK, ROWS, WAVELENGTH, codes, jaz, oceanview, problems, rate, run
 
 from lightfield.errors import MeasurementError
 from lightfield.readings.importing.reduction import band_mean

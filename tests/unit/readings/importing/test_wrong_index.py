@@ -4,15 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from campaign import (
-    BAND,
-    DARK,
-    ROWS,
-    codes,
-    oceanview,
-    problems,
-    run,
-)
+from campaign import BAND, DARK, ROWS, codes, oceanview, problems, run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

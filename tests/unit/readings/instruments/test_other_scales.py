@@ -203,11 +203,7 @@ def test_a_table_of_ones_own_says_its_scales_too(tmp_path: Path) -> None:
     for text, columns, words in (
         ("z (m),v (dB)\n2,-10\n3,-16\n", {"value": "v (dB)"}, "logarithms"),
         ("z (m),v\n2,1.234\n3,999\n2.5,2.100\n", {}, "thousands mark"),
-        (
-            "z (m),v,t\n2,10,10:00:30\n3,20,10:00:50\n",
-            {"time_s": "t"},
-            "time of day, and no number",
-        ),
+        ("z (m),v,t\n2,10,10:00:30\n3,20,10:00:50\n", {"time_s": "t"}, "time of day, and no number"),
     ):
         with pytest.raises(MeasurementError, match=words):
             own_table(tmp_path, text, **columns)

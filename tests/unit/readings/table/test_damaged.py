@@ -59,7 +59,7 @@ def test_any_text_of_the_formats_letters(text, encoding, tmp_path_factory):
 @given(
     edits=st.lists(
         st.tuples(st.integers(0, len(FULL)), st.integers(0, 12), st.binary(max_size=6)), max_size=4
-    ),
+    )
 )
 def test_damaged_tables(edits, tmp_path_factory):
     data = bytearray(FULL.encode())

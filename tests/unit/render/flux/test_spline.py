@@ -10,12 +10,7 @@ from lightfield.render.flux.spline import Splines
 RNG = np.random.default_rng(5)
 COEFFICIENTS = RNG.standard_normal((3, 5, 6, 7))
 #: Inside, on a cell, and at both edges.
-CELLS = np.vstack(
-    [
-        RNG.uniform(0, 1, (40, 3)) * np.array([4, 5, 6]),
-        [[2, 3, 4], [0, 0, 0], [4, 5, 6]],
-    ]
-)
+CELLS = np.vstack([RNG.uniform(0, 1, (40, 3)) * np.array([4, 5, 6]), [[2, 3, 4], [0, 0, 0], [4, 5, 6]]])
 
 
 def test_values_are_those_of_map_coordinates() -> None:

@@ -107,24 +107,27 @@ def test_the_lamps_direction_is_drawn_as_the_bound_takes_it() -> None:
         np.testing.assert_allclose(read, expected, rtol=2e-3)
 
 
-def test_a_swing_beyond_the_distance_asked_for_is_overshoot() -> None:
+@pytest.fixture(scope="module")
+def brief() -> Followed:
+    return run(duration_s=4.0)
+
+
+def test_a_swing_beyond_the_distance_asked_for_is_overshoot(brief: Followed) -> None:
     """From 6.5 m, asked for 6.5 m: to 7.5 m is 1 m; from 8 m only what is nearer than 6.5 m counts."""
-    found = run(duration_s=6.0)
-    pose = found.track.pose.copy()
+    pose = brief.track.pose.copy()
     pose[..., 2] = 6.5
     pose[3, 0, 2], pose[3, 1, 2] = 7.5, 6.1
-    swung = replace(found.track, pose=pose)
-    assert metrics_of(swung, found.mission)["overshoot"].tolist() == pytest.approx([1.0, 0.4])
+    swung = replace(brief.track, pose=pose)
+    assert metrics_of(swung, brief.mission)["overshoot"].tolist() == pytest.approx([1.0, 0.4])
     pose[:3, :, 2] = 8.0
-    assert metrics_of(swung, found.mission)["overshoot"].tolist() == pytest.approx([0.0, 0.4])
+    assert metrics_of(swung, brief.mission)["overshoot"].tolist() == pytest.approx([0.0, 0.4])
 
 
-def test_the_nearest_is_a_distance_from_the_lamp() -> None:
+def test_the_nearest_is_a_distance_from_the_lamp(brief: Followed) -> None:
     """A vehicle that passes 0.5 m beside the lamp, and on behind it, was never nearer than that."""
-    found = run(duration_s=6.0, runs=1)
-    pose = np.zeros_like(found.track.pose)
+    pose = np.zeros_like(brief.track.pose)
     pose[:, 0, 0], pose[:, 0, 2] = 0.5, np.linspace(3.0, -1.0, len(pose))
-    near = metrics_of(replace(found.track, pose=pose), found.mission)["nearest"]
+    near = metrics_of(replace(brief.track, pose=pose), brief.mission)["nearest"]
     assert near[0] == pytest.approx(np.hypot(0.5, np.abs(pose[:, 0, 2]).min()), rel=1e-12)
 
 
@@ -155,11 +158,10 @@ def test_followers_that_were_asked_for_different_things_are_told_each_by_itself(
     assert "law lqr" in page
 
 
-def test_equal_seeds_give_equal_runs() -> None:
-    first, again = run(duration_s=4.0), run(duration_s=4.0)
-    assert np.array_equal(first.track.pose, again.track.pose)
+def test_equal_seeds_give_equal_runs(brief: Followed) -> None:
+    assert np.array_equal(brief.track.pose, run(duration_s=4.0).track.pose)
     other = follow({"": KNOWN.with_values({"follower.mission.duration_s": 4.0})}, runs=2, seed=4, photons=0)
-    assert not np.array_equal(first.track.pose, other.cases[0].track.pose)
+    assert not np.array_equal(brief.track.pose, other.cases[0].track.pose)
 
 
 def test_a_vehicle_that_has_spun_is_turned_as_one_that_has_not() -> None:

@@ -39,11 +39,12 @@ def test_a_tilted_lamp_is_followed() -> None:
 
 def test_a_follower_that_learns_no_pose_stands_nowhere() -> None:
     """Beside a beam that is hardly round no reading tells how it leans: it drifts, which is no standoff."""
-    found = followed(("lamp.ellipticity", 1 + 1e-9))
+    found = followed(("lamp.ellipticity", 1 + 1e-9), ("follower.mission.duration_s", 10.0))
     assert not found.spreads["belief_less_truth"].runs
     assert "never learns where it is" in found.verdict and "stands" not in found.verdict
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_run_that_lost_its_way_is_counted_and_not_averaged() -> None:
     """One of two drives on behind the lamp: the distance is the other's, and every run's stays listed."""
     found = followed()

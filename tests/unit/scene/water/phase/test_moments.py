@@ -8,10 +8,7 @@ from numpy.polynomial import legendre
 
 from lightfield.scene.water.molecular import DEPOLARISATION
 from lightfield.scene.water.phase.function import PhaseFunction
-from lightfield.scene.water.phase.henyey_greenstein import (
-    HenyeyGreensteinPhase,
-    TwoTermHenyeyGreensteinPhase,
-)
+from lightfield.scene.water.phase.henyey_greenstein import HenyeyGreensteinPhase, TwoTermHenyeyGreensteinPhase
 from lightfield.scene.water.phase.molecular import Molecular, ParticlesAndMolecules
 
 ORDERS = np.arange(8)

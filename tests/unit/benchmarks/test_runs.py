@@ -13,10 +13,10 @@ import pytest
 #: Says the worker's number, then keeps the worker busy for ten minutes.
 RUN = """
 import os, time
-from benchmarks.hidden_effects import workers
+from benchmarks import runs
 
 if __name__ == "__main__":
-    pool = workers.start(processes=1)
+    pool = runs.start(processes=1)
     print(pool.submit(os.getpid).result(), flush=True)
     pool.submit(time.sleep, 600).result()
 """
