@@ -21,7 +21,7 @@ from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.scene import Scene
 from lightfield.scene.lamp.section import oval_widths
-from lightfield.scene.lamp.width import stated_width_deg
+from lightfield.scene.lamp.width import lobe_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: By so much a value without an error is moved, to see whether K moves with it, and part of K that is
@@ -110,7 +110,7 @@ def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:
     scene = forward.scenes.at(fit.values, validate=False)
     wavelength = float(forward.light.diffuse.wavelengths_nm[0])
     a, b = _coefficients(scene, wavelength)
-    width_deg, (narrow, wide) = stated_width_deg(scene.lamp), oval_widths(scene.lamp)
+    width_deg, (narrow, wide) = lobe_width_deg(scene.lamp), oval_widths(scene.lamp)
     return WaterAndBeam(
         wavelength_nm=wavelength, absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b,
         hwhm_deg=width_deg,

@@ -33,7 +33,7 @@ from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.lamp.profile import table_of
 from lightfield.scene.lamp.spectrum import axial_intensity
-from lightfield.scene.lamp.width import stated_width_deg
+from lightfield.scene.lamp.width import lobe_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Factors from which on a fitted value is spoken of. Measured: guesses of the width were off by up to 18 %,
@@ -123,7 +123,7 @@ def _width(stated: Scene, fitted: Scene) -> Caution | None:
 
 def _seen_width_deg(scene: Scene) -> float:
     """Half width of the beam as a receiver that faces the lamp sees it, by its acceptance too, degrees."""
-    width, acceptance = stated_width_deg(scene.lamp), scene.detector.acceptance_hwhm_deg
+    width, acceptance = lobe_width_deg(scene.lamp), scene.detector.acceptance_hwhm_deg
     return float(1 / np.hypot(1 / width, 1 / acceptance)) if acceptance else width
 
 
