@@ -61,15 +61,21 @@ def stated_width_deg(lamp: Lamp) -> float:
     return math.degrees(half_width_rad(lamp)) if more else lamp.hwhm_deg
 
 
-def lobe_width_deg(lamp: Lamp) -> float:
-    """The same of the lobe that holds the brightest angle, where others may be as bright as half of it.
+def lobe_width_deg(lamp: Lamp, read_rad: Array) -> float:
+    """The same of the lobe that holds the brightest of some angles, where others may be as bright.
 
-    Far out, between dim readings, hardly anything holds a fitted departure.
+    Between readings, and far out, hardly anything holds a fitted departure.
+
+    Parameters
+    ----------
+    read_rad : array, rad
+        Angles at which the beam was read.
     """
     if not lamp.profile_departure:
         return stated_width_deg(lamp)
     theta, light = at_all_angles(lamp)
-    brightest = int(np.argmax(light))
+    read = np.minimum(np.searchsorted(theta, read_rad), len(theta) - 1)
+    brightest = int(read[np.argmax(light[read])])
     level = 0.5 * float(light[brightest])
     lit = int(np.argmin([*(light[brightest:] >= level), False])) - 1
     return math.degrees(_falls_to(level, theta, light, brightest + lit))
