@@ -45,7 +45,7 @@ from lightfield.fitting.fitted_curves import (
 )
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
-from lightfield.fitting.light_source import beyond_table
+from lightfield.fitting.light_source import without_unknown
 from lightfield.memory import give_back
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
@@ -306,8 +306,7 @@ def diagnose(
     readings = with_usual_errors(readings.check_against(scene))
     source, reason = source_of(scene, diffuse, readings)
     scene = spectral(scene, readings)
-    beyond = beyond_table(scene, readings)
-    readings = replace(readings, saturated=readings.saturated | beyond) if beyond.any() else readings
+    readings = without_unknown(readings, scene)
     every = effects.all_of(scene)
     chosen: list[Effect] = (
         [effects.get(name, scene) for name in only]

@@ -180,14 +180,15 @@ class Curves:
 
     def _dim_beyond(self, place: Array, curve: Array, width_deg: float | None) -> Array:
         """A departure of the lamp's profile with which no lamp is brighter beyond the largest angle that was
-        read than there: nothing holds it where it goes on as it ended, up at times."""
+        read than there: nothing holds it where it goes on as it ended, up at times. Where a table is dark
+        there, all beyond is as dark as a departure can make it."""
         lamp = self.scene.lamp
         if width_deg is not None:
             lamp = lamp.model_copy(update={"hwhm_deg": width_deg})
         light = np.log(np.maximum(radial_intensity(lamp, np.radians(place) ** 2), np.finfo(float).tiny))
         beyond = place > place[-1] / BEYOND
         last = int(np.argmax(beyond)) - 1
-        most = curve[last] + light[last] - light
+        most = np.maximum(curve[last] + light[last] - light, -LARGEST_OF_BEAM)
         return np.where(beyond, np.minimum(curve, most), curve)
 
     def _with_stated(self, field: str, place: Array, curve: Array) -> Nodes:

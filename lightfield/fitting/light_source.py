@@ -287,3 +287,9 @@ def beyond_table(scene: Scene, readings: Readings) -> Mask:
         beside = modes - np.median(modes, axis=1, keepdims=True)
         found |= np.sqrt((beside**2).sum(axis=0)) > _UNKNOWN
     return found if found.mean() <= _MOST_UNKNOWN else none
+
+
+def without_unknown(readings: Readings, scene: Scene) -> Readings:
+    """The readings, of which those of `beyond_table` take no part, as saturated ones do."""
+    beyond = beyond_table(scene, readings)
+    return replace(readings, saturated=readings.saturated | beyond) if beyond.any() else readings

@@ -14,6 +14,7 @@ from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate
 from lightfield.diagnosis.problem.layout import BRIGHT
 from lightfield.diagnosis.problem.problem import Explanation, Problem
+from lightfield.diagnosis.problem.quoted import smooth_stderr
 from lightfield.diagnosis.search.pool.quick import Begin, quick_fit
 from lightfield.fitting.curves import PLANES, field_of
 from lightfield.fitting.least_squares import Fit, Whiten
@@ -26,6 +27,9 @@ _FEW, _ROUGHLY = 2, 1e-2
 #: Fits in between after which no more orders of the rungs are compared; factor from which a rise of the error
 #: in per cent is seen, how much it counts beside its height, and what one to no number counts. Chosen.
 _MOST, _SEEN, _RISES, _NO_NUMBER = 40, 1.01, 50.0, 1e3
+#: Standard errors above which a reading is clear of them. Chosen: noise over next to no light is no error of
+#: a model (three readings of fewer, in the dark rings of a lamp, made that of its explanation 130 %).
+_CLEAR = 5.0
 
 
 @dataclass(frozen=True)
@@ -51,11 +55,14 @@ class Step:
 
 
 def bright(problem: Problem) -> NDArray[np.bool_]:
-    """Readings that count in the error in per cent: above 5 % of their plane's largest, shape (n,), bool."""
-    group, value = problem.layout.plane_and_channel, problem.value
+    """Readings that count in the error in per cent, shape (n,), bool: above 5 % of their plane's largest, and
+    clear of their own errors where any is."""
+    group, value, layout = problem.layout.plane_and_channel, problem.value, problem.layout
     top = np.zeros(int(group.max()) + 1)
     np.maximum.at(top, group, np.where(problem.keep > 0, value, 0.0))
-    return np.asarray((value > BRIGHT * top[group]) & (problem.keep > 0))
+    lit = (value > BRIGHT * top[group]) & (problem.keep > 0)
+    clear = lit & (value > _CLEAR * smooth_stderr(problem.forward.readings.stderr, value, layout.channel))
+    return np.asarray(clear if clear.any() else lit)
 
 
 def percent(problem: Problem, prediction: Array, which: NDArray[np.bool_]) -> float:

@@ -77,7 +77,8 @@ class AcceptedExplanation(Record):
     parameters: dict[str, Estimate] = Field(description="by dotted path, nuisance parameters included")
     chi2_per_dof: float = Field(description="in units of the quoted errors and the error budget")
     error_percent: float | None = Field(
-        description="rms residual over readings above 5 % of their plane's maximum; null: the model is dark"
+        description="rms residual over readings above 5 % of their plane's maximum and five of their errors; "
+        "null: the model is dark"
     )
     held_out_percent: float | None = Field(description="the same, each plane predicted from the others")
     adequacy_p: float = Field(description="probability of so bad a worst test if nothing were missing")

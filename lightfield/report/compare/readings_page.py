@@ -92,7 +92,7 @@ def _ladder(rungs: Sequence[Rung], of_base: Sequence[float | None], floor: float
         figures=[
             page_figure(
                 "ladder",
-                "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
+                "Rms of the residual, over readings above 5 % of their plane's maximum and five errors.",
                 "Error of each rung against the noise floor", ladder_figure, below, floor,
             )
         ],

@@ -145,7 +145,7 @@ def _figures(view: DiagnosisView, spots: Sequence[PlaceToRead]) -> dict[str, Pag
         )  # fmt: skip
     draw(
         "ladder",
-        "Root mean square of the residual, over readings above 5 % of their plane's maximum.",
+        "Rms of the residual, over readings above 5 % of their plane's maximum and five errors.",
         "Error of each rung of the ladder against the noise floor",
         ladder_figure, verdict.ladder, verdict.noise_floor_percent,
     )  # fmt: skip

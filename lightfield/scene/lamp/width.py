@@ -33,6 +33,11 @@ def half_width_rad(lamp: Lamp, level: float = 0.5) -> float:
     theta, light = at_all_angles(lamp)
     level *= float(light.max())
     i = int(np.flatnonzero(light >= level)[-1])
+    return _falls_to(level, theta, light, i)
+
+
+def _falls_to(level: float, theta: Array, light: Array, i: int) -> float:
+    """Where light is this bright after an angle at which it is as bright at least, rad."""
     if i + 1 == len(theta):
         return HALF_PI
     high, low = light[i : i + 2]
@@ -54,6 +59,26 @@ def stated_width_deg(lamp: Lamp) -> float:
     """
     more = lamp.profile == "table" or lamp.skirt_fraction or lamp.profile_departure
     return math.degrees(half_width_rad(lamp)) if more else lamp.hwhm_deg
+
+
+def lobe_width_deg(lamp: Lamp, read_rad: Array) -> float:
+    """The same of the lobe that holds the brightest of some angles, where others may be as bright.
+
+    Between readings, and far out, hardly anything holds a fitted departure.
+
+    Parameters
+    ----------
+    read_rad : array, rad
+        Angles at which the beam was read.
+    """
+    if not lamp.profile_departure:
+        return stated_width_deg(lamp)
+    theta, light = at_all_angles(lamp)
+    read = np.minimum(np.searchsorted(theta, read_rad), len(theta) - 1)
+    brightest = int(read[np.argmax(light[read])])
+    level = 0.5 * float(light[brightest])
+    lit = int(np.argmin([*(light[brightest:] >= level), False])) - 1
+    return math.degrees(_falls_to(level, theta, light, brightest + lit))
 
 
 def core_width_deg(lamp: Lamp) -> float:

@@ -35,6 +35,7 @@ from lightfield.fitting.diffuse_light import DiffuseSource
 from lightfield.fitting.fitted_curves import save_lamp, save_spectrum
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit, Whiten
+from lightfield.fitting.light_source import without_unknown
 from lightfield.fitting.retraced import Retraced
 from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
@@ -253,7 +254,7 @@ def fit_readings(
     """
     if solver not in ("analytic", "render"):
         raise UsageError("unknown solver", found=solver, rule="analytic or render")
-    readings = readings.check_against(scene)
+    readings = without_unknown(readings.check_against(scene), scene)
     with threadpool_limits(1, "blas"):
         budget = budget_of(readings)
         model, made, base = _refit(readings, scene, with_effects, diffuse, budget)

@@ -31,7 +31,7 @@ def as_text(report: FitReport) -> str:
         f"    chi-square        = {statistics.chi2:.4g}",
         f"    chi-square / dof  = {statistics.chi2_per_dof:.3f}{base}",
         f"    error             = {_in_percent(statistics.error_percent)}  (rms, above 5 % of the plane's "
-        "maximum)",
+        "maximum and five errors)",
         f"    held out          = {_in_percent(statistics.held_out_percent)}  (each plane from the others)",
         f"    adequacy p        = {statistics.adequacy_p:.3f}  ({missing})",
         "[[Parameters]]",

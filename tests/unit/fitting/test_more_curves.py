@@ -1,4 +1,5 @@
-"""Gains of planes, and spectra of lamp and water, that no formula names: found, shown, written, hidden.
+"""Gains of planes, and spectra of lamp and water, that no formula names: found, shown, written, hidden; and
+the end of a lamp's curve in the dark.
 
 Readings come from closed forms and sums written here, not from the curves of the fit.
 """
@@ -20,11 +21,13 @@ from lightfield.diagnosis.problem.untestable import Hinders, Hindrance
 from lightfield.diagnosis.verdict.ladder import held_out
 from lightfield.experiments.hide import draw_effect
 from lightfield.fitting import effects
+from lightfield.fitting.curves import BEYOND, PROFILE
 from lightfield.fitting.fitted_curves import FittedCurve, fitted_curves, save_spectrum
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
 from lightfield.readings import Readings
 from lightfield.scene import Scene
+from lightfield.scene.lamp.profile import radial_intensity
 from lightfield.scene.lamp.spectrum import axial_intensity
 
 HWHM, PER_M, SURE = 4.6, 0.105, 1e-4
@@ -362,3 +365,16 @@ def test_a_lamp_whose_axis_was_not_read_is_shown_over_what_was(seed: int) -> Non
     off = curve.value - flood(curve.at / HWHM) / flood(np.array([nearest / HWHM]))
     assert np.all(np.abs(off[read]) < 4 * curve.stderr[read])
     assert curve.stderr[read].max() < 0.02 < curve.stderr[0]
+
+
+def test_a_curve_ends_in_the_dark_where_the_table_does(tmp_path: Path) -> None:
+    """A noisy table is dark at the largest angle read, not beyond: no scene took a curve of e^-700 there."""
+    x, z, _ = places(3, np.random.default_rng(0))
+    table = Readings.from_arrays(x_m=x, z_m=z, value=light(x, z), quantity="irradiance")
+    last = float(SceneForward(believed(), table).scenes.curves.bases[PROFILE].place[-1]) / BEYOND
+    rows = f"0,1\n{HWHM},0.5\n{last - 1},0\n{last + 0.2},0\n{last + 0.4},0.01\n60,0.001\n"
+    (tmp_path / "lamp.csv").write_text(f"angle_deg,intensity\n{rows}")
+    text = '[lamp]\nprofile = "table"\nintensity_table = "lamp.csv"\n'
+    scenes = SceneForward(Scene.from_toml(text, folder=tmp_path), table).scenes
+    lamp = scenes.at({scenes.curves.bases[PROFILE].paths[0]: 0.3}).lamp
+    assert radial_intensity(lamp, np.radians([last + 0.5, 1.2 * last]) ** 2).max() < 1e-99

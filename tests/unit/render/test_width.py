@@ -10,7 +10,7 @@ import pytest
 from lightfield.render import at_readings
 from lightfield.scene import Scene
 from lightfield.scene.lamp.lamp import Lamp
-from lightfield.scene.lamp.width import core_width_deg, stated_width_deg
+from lightfield.scene.lamp.width import core_width_deg, lobe_width_deg, stated_width_deg
 from lightfield.studies.link import arrival
 
 
@@ -37,6 +37,17 @@ def test_a_skirt_widens_a_beam_and_not_its_core(table: Lamp) -> None:
     assert parts.sum() == pytest.approx(1.0, abs=1e-3) and core_width_deg(skirt) == 2.0
     for width in (stated_width_deg, core_width_deg):
         assert width(table) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("rise", [41.3, 44.0])
+def test_what_a_fitted_curve_does_between_readings_is_not_the_width_of_its_beam(rise: float) -> None:
+    """Far out one of a lamp with dark rings rose to more than half, or beyond all: 33 degrees, not 4."""
+    spiked = ((0.0, 0.0), (30.0, 0.0), (31.0, rise), (32.0, 0.0))
+    read = np.radians([0.0, 1.0, 2.0, 30.0, 32.0])
+    assert stated_width_deg(Lamp(hwhm_deg=4.0, profile_departure=spiked)) > 30
+    assert lobe_width_deg(Lamp(hwhm_deg=4.0, profile_departure=spiked), read) == pytest.approx(4.0, rel=1e-5)
+    even = Lamp(hwhm_deg=90.0, profile_departure=((0.0, 0.0), (90.0, 0.5)))
+    assert lobe_width_deg(even, read) == 90.0 and lobe_width_deg(Lamp(hwhm_deg=4.0), read) == 4.0
 
 
 def test_cells_are_as_fine_as_the_beam_of_a_table(table: Lamp, monkeypatch: pytest.MonkeyPatch) -> None:

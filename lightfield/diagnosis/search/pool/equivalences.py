@@ -10,12 +10,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from lightfield.arrays import Array
 from lightfield.diagnosis.problem.candidates import Candidate, go_together
 from lightfield.diagnosis.search.pool.fitted_sets import Pool
 from lightfield.diagnosis.search.pool.quick import Begin
 from lightfield.diagnosis.search.set_of_effects import FittedSet
 from lightfield.fitting.beam_width import WIDTH
+from lightfield.scene.water.constituents import (
+    REFERENCE_NM,
+    chlorophyll_scattering_per_m,
+    sediment_scattering_per_m,
+)
 
 #: Turns of the receiver, in degrees, from which a fit begins. Chosen: a start alone.
 _TURNS_DEG = (6.0, 12.0)
@@ -26,6 +33,10 @@ _WIDER, _MUCH_WIDER, _LEAST_TILT_DEG = 1.05, 1.3, 0.02
 #: A peaked beam is a Gaussian of so many of its half widths, on top of it so much of one as wide as a skirt
 #: may be at least, seen through an acceptance of so many half widths. Chosen: starts alone.
 _BROAD, _FRACTION, _NARROW, _ACCEPTED = (1.7, 2.8), 0.35, 1.2, 1.2
+
+#: Wavelengths between which the slope of a constituent's scattering is taken, nm. Chosen: a start alone.
+_BLUE_NM, _RED_NM = 450.0, 650.0
+_SCATTERING, _SLOPE = "water.scattering_per_m", "water.scattering_slope"
 
 #: Coordinate of a width in the fit: (10 / degrees)^2. Chosen: of order one.
 _INVERSE_SQUARE = 100.0
@@ -82,11 +93,41 @@ def _skirt_in_acceptance(values: Mapping[str, float], h: float) -> list[dict[str
     return [narrow | ({WIDTH: float(np.log(broad * h))} if WIDTH in values else {}) for broad in _BROAD]
 
 
+def _scatters_alone(
+    of: Callable[[float, ArrayLike], Array], path: str
+) -> Callable[[Mapping[str, float], float], list[dict[str, float]]]:
+    """Matter in the water scatters by a power of the wavelength; what it absorbs, others in the water do.
+
+    Parameters
+    ----------
+    of : callable
+        Its scattering, 1/m, by how much of it there is and the wavelength, nm.
+    path : str
+        How much there is.
+    """
+
+    def starts(values: Mapping[str, float], _: float) -> list[dict[str, float]]:
+        middle, blue, red = of(values.get(path, 0.0), np.array([REFERENCE_NM, _BLUE_NM, _RED_NM]))
+        if not middle > 0:
+            return []
+        slope = np.log(blue / red) / np.log(_RED_NM / _BLUE_NM)
+        return [{_SCATTERING: float(values.get(_SCATTERING, 0.0) + middle), _SLOPE: float(slope)}]
+
+    return starts
+
+
 #: Every product of two effects that `benchmarks/imitations` finds to imitate a third, by fits of all of them,
 #: and to which no linear model leads.
 TABLE = (
     Equivalence("beam_tilt", ("acceptance", "detector_tilt"), _turned_receiver),
     Equivalence("beam_shape", ("beam_skirt", "acceptance"), _skirt_in_acceptance),
+    *(
+        Equivalence(name, ("scattering", "scattering_slope"), _scatters_alone(of, path))
+        for name, of, path in (
+            ("sediment", sediment_scattering_per_m, "water.sediment_g_per_m3"),
+            ("chlorophyll", chlorophyll_scattering_per_m, "water.chlorophyll_mg_per_m3"),
+        )
+    ),
 )
 
 #: Effects that show only beside another one, which hides them by its own size while they are small: waves
@@ -135,5 +176,19 @@ def try_declared(pool: Pool, node: FittedSet, candidate: Candidate) -> None:
             known, values = node.fit.by_path, node.fit.values
             width = values.get(WIDTH, pool.problem.forward.light.diffuse.width_deg)
             starts = [Begin(known | start) for start in line.starts(values, width)]
+            if not starts:
+                continue
             fitted = pool.fit(whole, starts, promised=pool.cost(node))
             pool.also_from(fitted.explanation, starts)  # where it was fitted before, from elsewhere
+            _without_what_is_needless(pool, pool.nodes[fitted.key], rest, pool.cost(node))
+
+
+def _without_what_is_needless(
+    pool: Pool, fitted: FittedSet, others: tuple[Candidate, ...], most: float
+) -> None:
+    """Fit a set less one of some effects where that promises to cost no more than the one that it replaces:
+    what helped an imitation, the truth does without."""
+    for other in others:
+        rest = [c for c in fitted.explanation if c is not other]
+        if pool.promised_without(fitted, other) < most and pool.affordable(rest):
+            pool.drop(fitted, other)

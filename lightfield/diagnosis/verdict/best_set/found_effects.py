@@ -19,9 +19,10 @@ from lightfield.fitting.curves import field_of
 from lightfield.fitting.fitted_curves import changed_rms
 from lightfield.fitting.forward import SceneForward
 from lightfield.fitting.least_squares import Fit
+from lightfield.formula.closed_form import table_angle
 from lightfield.scene import Scene
 from lightfield.scene.lamp.section import oval_widths
-from lightfield.scene.lamp.width import stated_width_deg
+from lightfield.scene.lamp.width import lobe_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m, scattering_per_m
 
 #: By so much a value without an error is moved, to see whether K moves with it, and part of K that is
@@ -110,7 +111,9 @@ def _water_and_beam(forward: SceneForward, fit: Fit) -> WaterAndBeam:
     scene = forward.scenes.at(fit.values, validate=False)
     wavelength = float(forward.light.diffuse.wavelengths_nm[0])
     a, b = _coefficients(scene, wavelength)
-    width_deg, (narrow, wide) = stated_width_deg(scene.lamp), oval_widths(scene.lamp)
+    lamp, r = scene.lamp, forward.readings
+    width_deg = lobe_width_deg(lamp, table_angle(lamp, r.x_m, r.y_m, r.z_m, r.medium))
+    narrow, wide = oval_widths(lamp)
     return WaterAndBeam(
         wavelength_nm=wavelength, absorption_per_m=a, scattering_per_m=b, attenuation_per_m=a + b,
         hwhm_deg=width_deg,

@@ -33,7 +33,7 @@ from lightfield.scene.bands import over_bands, read_nm
 from lightfield.scene.lamp.frame import has_round_section
 from lightfield.scene.lamp.profile import table_of
 from lightfield.scene.lamp.spectrum import axial_intensity
-from lightfield.scene.lamp.width import stated_width_deg
+from lightfield.scene.lamp.width import lobe_width_deg
 from lightfield.scene.water.coefficients import absorption_per_m
 
 #: Factors from which on a fitted value is spoken of. Measured: guesses of the width were off by up to 18 %,
@@ -82,7 +82,7 @@ def hints(
     scene, values = forward.scene, fit.values
     gain = _gain(scene, values, calibration)
     found = [
-        _width(scene, forward.scenes.at(values, validate=False)) if nearly_fits else None,
+        _width(forward, forward.scenes.at(values, validate=False)) if nearly_fits else None,
         _absorption(forward, problem, fit) if nearly_fits else None,
         gain, _immersed(forward, gain), _of_band(forward, gain, calibration), _amplifying(fit),
         _coarse_table(forward, problem), _beyond_table(scene, forward.readings),
@@ -112,8 +112,8 @@ def exchanged(forward: SceneForward, problem: Problem, finding: SearchResult) ->
     return [Caution(warns=Warns.EXCHANGED, values=both)]
 
 
-def _width(stated: Scene, fitted: Scene) -> Caution | None:
-    width, guess = _seen_width_deg(fitted), _seen_width_deg(stated)
+def _width(forward: SceneForward, fitted: Scene) -> Caution | None:
+    width, guess = (_seen_width_deg(scene, forward.readings) for scene in (fitted, forward.scene))
     ratio = width / guess
     if 1 / _WIDTH_FACTOR < ratio < _WIDTH_FACTOR:
         return None
@@ -121,9 +121,10 @@ def _width(stated: Scene, fitted: Scene) -> Caution | None:
     return Caution(warns=Warns.WIDTH, about="lamp.hwhm_deg", values=told)
 
 
-def _seen_width_deg(scene: Scene) -> float:
+def _seen_width_deg(scene: Scene, r: Readings) -> float:
     """Half width of the beam as a receiver that faces the lamp sees it, by its acceptance too, degrees."""
-    width, acceptance = stated_width_deg(scene.lamp), scene.detector.acceptance_hwhm_deg
+    width = lobe_width_deg(scene.lamp, table_angle(scene.lamp, r.x_m, r.y_m, r.z_m, r.medium))
+    acceptance = scene.detector.acceptance_hwhm_deg
     return float(1 / np.hypot(1 / width, 1 / acceptance)) if acceptance else width
 
 

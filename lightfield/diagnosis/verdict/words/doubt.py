@@ -48,7 +48,7 @@ def doubt(why: Doubt, asked: Sequence[str] = ()) -> str:
         return f"{_NO_BEAM}: they ask for more than {pinned} allows, the edge of what is possible"
     if why.reason is DoubtReason.SET_ASIDE and why.structure is not None:
         effects = "none of the effects asked for" if asked else "no known effect"
-        return f"readings that {effects} reaches are no slips: {_in_common(why.structure)}"
+        return f"some readings fit {effects}, and are no slips: {_in_common(why.structure)}"
     named = join(why.named) if why.named else "the base model"
     return f"{named} would explain the readings, but {not_confirmed(why)}"
 

@@ -225,8 +225,11 @@ def _slot(ones: Sequence[FoundEffect]) -> str:
     one, *more = ones
     if more:
         return f"{join([o.effect for o in ones])}, or {instead(one, 'them')}"
-    others = instead(one)
-    return f"{plain(one.effect)} or {others}" if others else f"perhaps {plain(one.effect)}"
+    if others := instead(one):
+        return f"{plain(one.effect)} or {others}"
+    if Reason.AT_BOUNDARY in {e.reason for e in one.parameters.values()}:
+        return f"{plain(one.effect)}, but only at the edge of what is plausible"
+    return f"perhaps {plain(one.effect)}"
 
 
 def _unexplained(v: VerdictData) -> Said:

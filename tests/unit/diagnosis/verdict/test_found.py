@@ -151,6 +151,19 @@ def test_what_is_said_of_three(levels: list[str], headline: str) -> None:
     assert words_of(verdict_data("identified", explanation("a", "b", "c"), found=found)).headline == headline
 
 
+@pytest.mark.parametrize(
+    ("reason", "why"),
+    [(Reason.AT_BOUNDARY, "c, but only at the edge of what is plausible"), (None, "perhaps c")],
+)
+def test_what_nothing_replaces_is_said_to_lie_at_an_edge(reason: Reason | None, why: str) -> None:
+    """A cusp and a flat top of 170 to 260 sigma were "perhaps beam shape": of an exponent at its end."""
+    at_end = {"lamp.c": Estimate(value=8.0, reason=reason)}
+    found = [effect("a", "certain"), effect("b", "certain")]
+    found += [effect("c", "one of").model_copy(update={"parameters": at_end})]
+    told = words_of(verdict_data("ambiguous", explanation("a", "b", "c"), found=found)).headline
+    assert told.startswith(f"A and b are missing in the model; also {why}.")
+
+
 def test_effects_that_one_curve_has_are_told_together() -> None:
     """CDOM or any course of it; wavelength shift or any course of it: that named one curve twice."""
     curve = ["attenuation_spectrum"]

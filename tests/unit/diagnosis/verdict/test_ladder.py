@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -38,12 +40,15 @@ def read() -> Readings:
     return Readings.from_arrays(x_m=x, y_m=zero, z_m=z, value=value, stderr=sigma, time_s=time_s)
 
 
-@pytest.fixture(scope="module")
-def found() -> Diagnosis:
-    return diagnose(read(), SCENE, diffuse=None, advise=False)
+@pytest.fixture
+def all_that_is_lit_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The dark readings too, of which the error in per cent rises."""
+    monkeypatch.setattr(ladder, "_CLEAR", 0.0)
 
 
-def test_the_error_falls_from_rung_to_rung(found: Diagnosis) -> None:
+@pytest.mark.usefixtures("all_that_is_lit_counts")
+def test_the_error_falls_from_rung_to_rung() -> None:
+    found = diagnose(read(), SCENE, diffuse=None, advise=False)
     verdict = found.verdict
     assert sorted(verdict.best_set) == ["lamp_drift", "water_gradient"]
     errors = [rung.error_percent for rung in verdict.ladder]
@@ -53,9 +58,27 @@ def test_the_error_falls_from_rung_to_rung(found: Diagnosis) -> None:
     assert order(found, 1.0) == ["water_gradient", "lamp_drift"]
 
 
-def test_below_the_noise_no_rise_of_the_error_is_one(found: Diagnosis) -> None:
+@pytest.mark.usefixtures("all_that_is_lit_counts")
+def test_below_the_noise_no_rise_of_the_error_is_one() -> None:
     """Were the readings a hundred times as uncertain, what lowers chi-square most would come first."""
+    found = diagnose(read(), SCENE, diffuse=None, advise=False)
     assert order(found, 100.0) == ["lamp_drift", "water_gradient"]
+
+
+@pytest.mark.parametrize("stderr", [0.002, np.nan], ids=["stated", "assumed"])
+def test_noise_over_next_to_no_light_is_no_error_of_a_model(stderr: float) -> None:
+    """A reading of a far plane that is hardly more than its error, in a dark ring of the lamp: over what the
+    model has there it was 1000 %. Where none is clear of its error all count."""
+    value = np.array([1.0, 0.5, 0.04, 0.02, 0.003])
+    layout = SimpleNamespace(plane_and_channel=np.array([0, 0, 0, 1, 1]), channel=np.zeros(5, int))
+
+    def counted(error: float) -> list[bool]:
+        forward = SimpleNamespace(readings=SimpleNamespace(stderr=np.full(5, error)))
+        problem = SimpleNamespace(layout=layout, value=value, keep=np.ones(5), forward=forward)
+        return [bool(one) for one in ladder.bright(cast(Any, problem))]
+
+    assert counted(stderr) == [True, True, False, True, False]
+    assert counted(1.0) == [True, True, False, True, True]
 
 
 def order(found: Diagnosis, factor: float) -> list[str]:

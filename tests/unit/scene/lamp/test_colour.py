@@ -69,3 +69,22 @@ def test_a_reading_without_a_wavelength_has_the_middle_of_the_band() -> None:
     seen = colour_by_colour(scene, [None, 600.0], lambda one, at: np.array([[one.lamp.hwhm_deg, *at]]))
     width = scene.lamp.hwhm_deg
     assert seen == pytest.approx(np.array([[WIDER * width, NM], [(600 / 550) ** KAPPA * width, 600.0]]))
+
+
+@pytest.mark.parametrize(("kappa", "off"), [(0.3, 1e-5), (-1.0, 4e-3), (2.0, 0.06)])
+def test_light_of_many_wavelengths_is_that_of_each(kappa: float, off: float) -> None:
+    """Of six widths, up to three half widths out, on a pedestal; one place is dark, one in narrow beams."""
+    scene, asked = Scene.from_dict({"lamp": {"width_slope": kappa}}), []
+    theta, nm = np.linspace(0.0, 3 * scene.lamp.hwhm_deg, 31), np.linspace(400.0, 700.0, 24).tolist()
+
+    def light(one: Scene, at: list[float]) -> np.ndarray:
+        asked.append(one.lamp.hwhm_deg)
+        wide = np.exp(-math.log(2) * (theta / one.lamp.hwhm_deg) ** 2) + 0.01
+        edges = [0.0, max(one.lamp.hwhm_deg - scene.lamp.hwhm_deg, 0.0)]
+        return np.array([[*(1e-3 * w * wide), *edges] for w in at])
+
+    found = colour_by_colour(scene, nm, light)
+    assert len(asked) == 6
+    each = np.concatenate([light(in_colour(scene, w), [w]) for w in nm])
+    assert found[:, :-2] == pytest.approx(each[:, :-2], rel=off)
+    assert not found[:, -2].any() and found[:, -1] == pytest.approx(each[:, -1], abs=0.1 * each[:, -1].max())

@@ -139,3 +139,21 @@ def test_the_noise_floor_knows_nothing_of_light_that_the_fit_does_not_rest_on() 
     made = fit_readings(replace(table, budget=exact), scene, diffuse=partial(response_for, photons=300_000))
     assert made.statistics.noise_floor_percent == pytest.approx(0.5, rel=0.15)
     assert made.residuals.sigma == pytest.approx((table.value - made.model.fit.prediction) / noise, rel=0.3)
+
+
+def test_readings_that_are_said_to_be_left_out_are(tmp_path: Path) -> None:
+    """Beyond the angles that the lamp's table knows: "85 of 85 used", and "4 of 85 are left out"."""
+    angle = np.linspace(0, 12, 61)
+    rows = "".join(f"{a},{np.exp(-np.log(2) * (a / 5) ** 2)},{0.0 if a < 9 else 0.1}\n" for a in angle)
+    (tmp_path / "lamp.csv").write_text(f"angle_deg,intensity,error_1\n{rows}")
+    lamp = {"profile": "table", "intensity_table": str(tmp_path / "lamp.csv")}
+    scene = Scene.from_dict({"lamp": lamp, "water": {"absorption_per_m": 0.1}})
+    at, z = (v.ravel() for v in np.meshgrid(np.radians(np.linspace(-10, 10, 11)), [2.0, 3.0, 4.0]))
+    x, rng = z * np.tan(at), np.random.default_rng(1)
+    light = direct_field(scene, x, 0 * x, z)
+    value = light / light.max() * (1 + 0.005 * rng.standard_normal(x.size))
+    table = Readings.from_arrays(x_m=x, z_m=z, value=value, stderr=0.005 * value, quantity="irradiance")
+    told = as_text(fit_readings(table, scene))
+    left_out = int((np.abs(at) > np.radians(8)).sum())
+    assert f"readings used     = {33 - left_out} of 33" in told
+    assert f"{left_out} of 33 readings are left out" in told

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from lightfield.diagnosis.problem.setup import problem_of
 from lightfield.diagnosis.problem.whitening import Whitener
 from lightfield.diagnosis.search.pool import looks
 from lightfield.diagnosis.search.pool.curve_of_forms import try_curves
-from lightfield.diagnosis.search.pool.equivalences import try_beside, try_declared
+from lightfield.diagnosis.search.pool.equivalences import TABLE, try_beside, try_declared
 from lightfield.diagnosis.search.pool.evidence import evidence
 from lightfield.diagnosis.search.pool.fitted_sets import Ground, Pool
 from lightfield.diagnosis.search.pool.quick import Begin
@@ -25,6 +26,11 @@ from lightfield.fitting import effects
 from lightfield.fitting.forward import SceneForward
 from lightfield.readings import Readings
 from lightfield.scene import Scene
+from lightfield.scene.water.constituents import (
+    chlorophyll_scattering_per_m,
+    scattering_shape,
+    sediment_scattering_per_m,
+)
 
 SCENE = Scene.from_dict(
     {
@@ -169,3 +175,41 @@ def test_waves_are_tried_beside_a_surface_and_nowhere_else() -> None:
     assert not any("waves" in node.names for node in pool.nodes.values())
     try_beside(pool, both, by["odd"])
     assert frozenset({by["surface_reflection"].key, by["waves"].key}) in pool.nodes
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "of"),
+    [
+        ("sediment", "water.sediment_g_per_m3", sediment_scattering_per_m),
+        ("chlorophyll", "water.chlorophyll_mg_per_m3", chlorophyll_scattering_per_m),
+    ],
+)
+def test_matter_that_scatters_is_particles_with_a_slope(name: str, path: str, of: Any) -> None:
+    """What is in the water scatters alike then in every colour; without any nothing is tried. No fit of one
+    effect more or less led there: sediment and a colour of the beam stood for CDOM, scattering and its slope,
+    which cost 5.7 less."""
+    (line,) = (line for line in TABLE if line.single == name)
+    assert line.together == ("scattering", "scattering_slope")
+    (start,) = line.starts({path: 0.3, "water.scattering_per_m": 0.02}, 5.0)
+    nm = np.array([420.0, 550.0, 680.0])
+    alone = scattering_shape(start["water.scattering_slope"], nm) * (start["water.scattering_per_m"] - 0.02)
+    assert alone == pytest.approx(of(0.3, nm), rel=1e-6)
+    assert line.starts({path: 0.0}, 5.0) == []
+
+
+def test_what_helped_an_imitation_is_left_out_beside_what_it_imitates(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A tilt and "odd" stand for an acceptance and a turned detector: these need no "odd" beside them."""
+    lay = layout()
+    columns = more_waves(lay)
+    every = {"acceptance": columns["fan"], "detector_tilt": columns["late"], "odd": columns["odd"]}
+    every["beam_tilt"] = every["acceptance"] + every["detector_tilt"] - every["odd"] + 0.3 * columns["braid"]
+    made = Toy.of([candidate(name) for name in every], every, lay)
+    problem = made.drawn(np.random.default_rng(0), acceptance=30.0, detector_tilt=30.0)
+    by = {c.name: c for c in problem.candidates}
+    pool = pool_of(made, problem)
+    monkeypatch.setattr(type(problem.forward.light.diffuse), "width_deg", 5.0, raising=False)
+    imitation = pool.fit((by["beam_tilt"], by["odd"]), [Begin({})])
+    try_declared(pool, imitation, by["beam_tilt"])
+    assert pool.best().names == {"acceptance", "detector_tilt"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from analytic_readings import scene
 from verdict_data import LIGHT, effect, explanation, verdict_data
@@ -49,9 +50,11 @@ def test_an_attenuation_is_told_with_its_error() -> None:
 def test_of_an_oval_lamp_both_half_widths_are_worked_out() -> None:
     values = {"lamp.hwhm_deg": 5.2, "lamp.ellipticity": 1.118, "lamp.ellipticity_diagonal": 0.8249}
     scenes = SimpleNamespace(at=lambda there, validate: scene().with_values(there))
+    place = np.array([0.0])
     forward = SimpleNamespace(
-        scenes=scenes, light=SimpleNamespace(diffuse=SimpleNamespace(wavelengths_nm=[520.0]))
-    )
+        scenes=scenes, light=SimpleNamespace(diffuse=SimpleNamespace(wavelengths_nm=[520.0])),
+        readings=SimpleNamespace(x_m=place, y_m=place, z_m=place + 3.0, medium=np.array(["water"])),
+    )  # fmt: skip
     found = _water_and_beam(forward, SimpleNamespace(values=values))
     assert found.hwhm_deg == pytest.approx(5.2) and found.oval_hwhm_deg == pytest.approx(
         (4.92, 6.15), abs=0.01

@@ -188,7 +188,7 @@ def test_a_rival_is_not_said_to_be_far_where_others_would_do_as_well() -> None:
 
 
 NO_BEAM = "these readings do not look like a beam through water"
-NO_SLIPS = "readings that no known effect reaches are no slips: they lie together"
+NO_SLIPS = "some readings fit no known effect, and are no slips: they lie together"
 
 
 @pytest.mark.parametrize(
@@ -238,8 +238,8 @@ def test_a_doubt_is_said_from_its_data(reason: DoubtReason, found: dict, said: s
         (Structure("place", 0.0, box_m=((-0.1, 0.1), (-1e-17, 0.0), (5.5, 5.5))),
          f"{NO_SLIPS} at neighbouring places, x = -0.1 to 0.1, y = 0, z = 5.5 m"),
         (Structure(None, 0.0, rate=0.02),
-         "readings that no known effect reaches are no slips: there are more of them than the 2 % that slips "
-         "explain"),
+         "some readings fit no known effect, and are no slips: there are more of them than the 2 % that "
+         "slips explain"),
     ],
 )  # fmt: skip
 def test_what_readings_set_aside_share_is_said_from_its_data(structure: Structure, said: str) -> None:
