@@ -144,7 +144,7 @@ class Survey:
             f"the pose (standard deviation): {known}",
             "best that can be known (one reading, one standard deviation):",
             f"  {self.here.as_text()}",
-            *(f"  {one.as_text()}" for one in self.axis),
+            *(f"  {one.as_text()}" for one in self.axis if not np.array_equal(one.pose, self.here.pose)),
             f"docking ({DOCKING_ASKS}) is met in {100 * self.reaches:.0f} % of the space",
         ]
         if self.looks_away:
