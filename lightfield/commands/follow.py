@@ -91,7 +91,7 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
         )  # fmt: skip
     output_folder(args.output.parent)
     axes = [parse_axis(text, "--vary") for text in args.vary]
-    from lightfield.commands.sweep import cases_bar
+    from lightfield.commands.sweep import cases_bar, failures
 
     with cases_bar("follow") as report:
         plan, done = run_follow_sweep(
@@ -100,8 +100,10 @@ def _sweep(scene: Scene, args: argparse.Namespace) -> int:
         )  # fmt: skip
     print(
         f"{args.output}: {plan.cases.count} cases, {done.cases_done} run now, {done.cases_before} were there "
-        f"already, {done.failed} failed"
+        "already"
     )
+    if done.failed:
+        print(failures(done, args.output, QUANTITY))
     if args.json or args.report:
         data = open_store(args.output, QUANTITY)
         if args.json:

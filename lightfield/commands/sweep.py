@@ -165,7 +165,7 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
     )
     lines = [f"{path}: {cases} from {traces}, {byte_size(size_on_disk(path))}"]
     if done.failed:
-        lines.append(f"{done.failed} case{'s' * (done.failed != 1)} failed{_first_failure(path)}")
+        lines.append(failures(done, path))
     if done.again:
         lines.append(f"{done.again} of them may do with more memory: the same sweep continues")
     if done.repaired:
@@ -195,9 +195,13 @@ def as_text(plan: SweepPlan, done: SweepProgress, path: Path) -> str:
     return "\n".join(lines)
 
 
-def _first_failure(path: Path) -> str:
-    """Which case of a store failed first, and why."""
-    data = open_store(path)
+def failures(done: SweepProgress, path: Path, quantity: str | None = None) -> str:
+    """How many cases of a store failed, which first, and why; see `open_store`."""
+    return f"{done.failed} case{'s' * (done.failed != 1)} failed{_first_failure(path, quantity)}"
+
+
+def _first_failure(path: Path, quantity: str | None) -> str:
+    data = open_store(path, quantity)
     axes = axes_of(data)
     where = np.argwhere(data.status.transpose(*axes).values == _FAILED)
     if not len(where):

@@ -89,7 +89,8 @@ def parse_axis(text: str, where: str = "range") -> Axis:
         if len(parts) > 4:
             raise ValueError
     except (ValueError, IndexError):
-        remedy = f"say how many values, as in {parts[0]}:{parts[1]}:11"
+        what = "write decimals with a point" if "," in given else "say how many values"
+        remedy = f"{what}, as in {':'.join(parts[:2]).replace(',', '.')}:11"
         raise UsageError(
             "not a range", where=f"{where} {path}", found=given, rule=FORMS, remedy=remedy
         ) from None

@@ -44,12 +44,15 @@ class Excess:
     modes : array, shape (n_places, k)
         Errors of the light over the light, in a typical water, as independent contributions: noise of the
         trace, and one for what is smooth.
+    typical : (a, b), 1/m
+        That water.
     """
 
     largest_a: float
     largest_b: float
     coefficients: Array
     modes: Array
+    typical: tuple[float, float] = (0.0, 0.0)
 
     def value(self, a: Array, b: Array) -> Array:
         """At absorption and scattering coefficients, shape (n,), 1/m: shape (n_places, n)."""
@@ -57,6 +60,13 @@ class Excess:
         by_a, by_b = self.slopes(a, b)
         beyond_a, beyond_b = a - 0.5 * (s + 1) * self.largest_a, b - 0.5 * (t + 1) * self.largest_b
         return _grid(self.coefficients, s, t) + by_a * beyond_a + by_b * beyond_b
+
+    def error_over_typical(self, a: Array, b: Array) -> Array:
+        """Of the light's error over that of the typical water, as the parts of the light that were scattered
+        or reflected are, shape (n_places, n); 1 where nothing is there."""
+        there = -np.expm1(-self.value(*np.array(self.typical)[:, None]))
+        share = -np.expm1(-self.value(a, b))
+        return np.divide(np.maximum(share, 0.0), there, out=np.ones_like(share), where=there > 0)
 
     def slopes(self, a: Array, b: Array) -> tuple[Array, Array]:
         """Derivatives by a and by b, each of shape (n_places, n), m."""
@@ -123,7 +133,7 @@ def excess_light(
     for axis, at in enumerate(nodes):
         turned = np.tensordot(np.linalg.inv(chebyshev.chebvander(at, len(at) - 1)), values, (1, axis))
         values = np.moveaxis(turned, 0, axis)
-    return Excess(largest_a, largest_b, values, modes)
+    return Excess(largest_a, largest_b, values, modes, typical)
 
 
 def _grid(coefficients: Array, s: Array, t: Array) -> Array:

@@ -56,6 +56,11 @@ class Stack:
         column = (which[:, None] == np.arange(len(self.tables))).astype(float)
         return np.repeat(column[:, None, :], self.y.shape[1], axis=1)
 
+    def errors_of_light(self, a: Array, b: Array) -> Array:
+        """Of `light`, as k independent contributions, shape (n_colours, n_rows, k)."""
+        modes = block_diag(*(e.modes for e in self.excess))
+        return np.concatenate([e.error_over_typical(a, b) for e in self.excess]).T[:, :, None] * modes
+
     def shared(self, traced: bool) -> tuple[Array, Array]:
         """H and errors of stays and, if asked for, of the traced light."""
         blocks, errors = (list(each) for each in zip(*(t.shared for t in self.tables), strict=True))

@@ -2,6 +2,9 @@
 
 Light that comes back bends the line along which a and b stand for each other, and what a trace knows of it is
 wavy: chi-square is no parabola. It may have a second valley that slopes at the bottom of one know nothing of.
+The more is scattered the larger are the trace's waves, and chi-square with them, as if readings told of b
+what no light does: how far b may be is asked without what waves add on average (Nakamura 1990, Biometrika 77,
+127).
 """
 
 from __future__ import annotations
@@ -31,17 +34,34 @@ class Valley:
     b : array, shape (n_nodes,), 1/m
     a : array, shape (n_nodes, n_colours), 1/m
     chi2 : array, shape (n_nodes, n_colours)
+    waves : array, shape (n_nodes, n_colours)
+        Root of what the trace's waves added to it on average; 0 where light is reflected, whose errors do not
+        grow with b alone.
     """
 
     b: Array
     a: Array
     chi2: Array
+    waves: Array
+
+    @cached_property
+    def _on_the_way(self) -> tuple[Mask, Mask]:
+        """Which b are within one standard error of the best, and within two, of light without waves."""
+        above = self.chi2 - self.chi2.min(axis=0)
+        return above <= 1.0, above <= 4.0
 
     @cached_property
     def _within(self) -> tuple[Mask, Mask]:
-        """Which b are within one standard error of the best, and within two."""
-        above = self.chi2 - self.chi2.min(axis=0)
-        return above <= 1.0, above <= 4.0
+        """The same beside waves.
+
+        Waves that readings' errors meet tilt chi-square by 2 r times how much they grow, r of unit variance.
+        With a curvature F and a tilt G the best is off by 1/F + G^2 / 4 F^2 in the mean square: where
+        chi-square is u above the least, and the tilt g, one error is u = 1 + g^2 / 4 u.
+        """
+        told = self.chi2 - self.waves**2
+        above, best = told - told.min(axis=0), told.argmin(axis=0)
+        tilt = 2 * (self.waves - self.waves[best, np.arange(len(best))])
+        return above <= 0.5 + np.sqrt(0.25 + 0.25 * tilt**2), above <= 2.0 + np.sqrt(4.0 + tilt**2)
 
     @property
     def b_stderr(self) -> Array:
@@ -70,9 +90,8 @@ class Valley:
         and what it brings with it of the others.
         """
         by_a, by_b = self.a - a, self.b[:, None] - b
-        first, second = self._within
-        weight = np.maximum(first, 0.5 * second)
-        reach = [(weight * np.abs(way)).max(axis=0) for way in (by_a, by_b, by_a + kappa * by_b)]
+        ways = ((self._within, by_a), (self._within, by_b), (self._on_the_way, by_a + kappa * by_b))
+        reach = [(np.maximum(first, 0.5 * second) * np.abs(way)).max(axis=0) for (first, second), way in ways]
         return reach[0], reach[1], reach[2]
 
 
@@ -83,14 +102,13 @@ def valley_of(stack: Stack) -> Valley:
     rows, colours = stack.y.shape
     some = max(1, _AT_ONCE // rows**2)
     parts = [_asked(stack, b, slice(first, first + some), largest) for first in range(0, colours, some)]
-    a, chi2 = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    found = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
     fine = np.linspace(0.0, largest, _BETWEEN * (_NODES - 1) + 1)
-    a, chi2 = (np.stack([np.interp(fine, b, one) for one in each.T], axis=1) for each in (a, chi2))
-    return Valley(fine, a, chi2)
+    return Valley(fine, *(np.stack([np.interp(fine, b, one) for one in each.T], axis=1) for each in found))
 
 
-def _asked(stack: Stack, nodes: Array, which: slice, largest: float) -> tuple[Array, Array]:
-    """Least chi-square and its a for each b, each of shape (n_nodes, n_colours)."""
+def _asked(stack: Stack, nodes: Array, which: slice, largest: float) -> tuple[Array, Array, Array]:
+    """For each b the a of the least chi-square, that, and `waves`, each of shape (n_nodes, n_colours)."""
     H, errors = stack.shared(traced=True)
     sigma = np.nan_to_num(stack.sigma[:, which].T, nan=_UNREAD)
     y, s = np.nan_to_num(stack.y[:, which].T), stack.path_m
@@ -98,7 +116,7 @@ def _asked(stack: Stack, nodes: Array, which: slice, largest: float) -> tuple[Ar
     white = np.linalg.inv(np.linalg.cholesky(covariance))
     basis = np.linalg.qr(white @ stack.alphas[:, which].transpose(1, 0, 2))[0]
     left = white - basis @ (basis.transpose(0, 2, 1) @ white)
-    a, all_a, all_chi2 = np.zeros(len(y)), [], []
+    a, all_a, all_chi2, all_waves = np.zeros(len(y)), [], [], []
     for value in nodes:
         b = np.full(len(y), value)
         for _ in range(_STEPS):
@@ -109,5 +127,10 @@ def _asked(stack: Stack, nodes: Array, which: slice, largest: float) -> tuple[Ar
             if np.abs(step).max() < _STILL:
                 break
         all_a.append(a)
-        all_chi2.append(((rest - step[:, None] * slope) ** 2).sum(axis=1) + (0.5 - b / largest) ** 2)
-    return np.stack(all_a), np.stack(all_chi2)
+        unit = slope / np.sqrt((slope**2).sum(axis=1, keepdims=True))
+        waves = left @ stack.errors_of_light(a, b) * (not stack.reflects)
+        added = (waves**2).sum(axis=(1, 2)) - (np.einsum("li,lik->lk", unit, waves) ** 2).sum(axis=1)
+        chi2 = ((rest - step[:, None] * slope) ** 2).sum(axis=1)
+        all_chi2.append(chi2 + (0.5 - b / largest) ** 2)
+        all_waves.append(np.sqrt(np.maximum(added, 0.0)))
+    return np.stack(all_a), np.stack(all_chi2), np.stack(all_waves)

@@ -12,6 +12,9 @@ from lightfield.diagnosis.adequacy.level import ALPHA
 from lightfield.diagnosis.verdict.speech import in_unit
 from lightfield.studies.compare.readings import FitReport, correlations
 
+#: Places after the point from which on powers of ten are easier to read. Chosen.
+_MOST_PLACES = 7
+
 
 def as_text(report: FitReport) -> str:
     """The report for people."""
@@ -38,10 +41,10 @@ def as_text(report: FitReport) -> str:
     ]
     width = max(len(path) for path in report.estimates)
     for path, e in report.estimates.items():
-        error = f"± {e.stderr:.3g}" if e.stderr is not None else f"± none: {e.reason}"
+        value, error = _to_one_place(e.value, e.stderr)
+        error = f"± {error}" if e.stderr is not None else f"± none: {e.reason}"
         relative = f" ({100 * e.stderr / abs(e.value):.2f} %)" if e.stderr is not None and e.value else ""
-        value = in_unit(f"{e.value:.6g}", e.unit)
-        lines.append(f"    {path:<{width}} = {value} {error}{relative}")
+        lines.append(f"    {path:<{width}} = {in_unit(value, e.unit)} {error}{relative}")
     if found := correlations(model.fit):
         lines.append("[[Correlations]] (below 0.3 not shown)")
         lines += [f"    C({a}, {b}) = {value:+.3f}" for a, b, value in found]
@@ -58,6 +61,17 @@ def as_text(report: FitReport) -> str:
                 f"{row.mean_sigma:>12.1f}{row.rms_sigma:>11.2f}{mark}"
             )
     return "\n".join([*lines, *report.notes])
+
+
+def _to_one_place(value: float, error: float | None) -> tuple[str, str]:
+    """A value and its error, both to the third digit of the error; of a value alone six digits."""
+    if not error or not np.isfinite(value + error):
+        return f"{value:.6g}", "" if error is None else f"{error:.3g}"
+    places = 2 - int(f"{error:.2e}".split("e")[1])
+    if 0 <= places <= _MOST_PLACES:
+        return f"{value:.{places}f}", f"{error:.{places}f}"
+    first = int(f"{max(abs(value), error):e}".split("e")[1])
+    return f"{value:.{max(first + places, 0)}e}", f"{error:.2e}"
 
 
 def _in_percent(value: float) -> str:

@@ -6,6 +6,9 @@ J holds the derivatives of the readings by the pose and by what else is not know
 lamp's direction); the bound on the pose is the Schur complement of F (Kay 1993, Fundamentals of Statistical
 Signal Processing I, section 3). What the noise itself tells by its dependence on the pose is left out: 2 m^2
 of the whole for a relative noise m. The bound is local: rivals far away are another question.
+
+Noise of a trace is in the derivatives and looks like information, N on average, which its batches tell. It is
+taken out to first order, C + C N C for C = F^-1, which is finite where noise is all (`with_doubt`).
 """
 
 from __future__ import annotations
@@ -176,17 +179,50 @@ def with_doubt(
     noise: SensorNoise,
     nuisances: Mapping[str, float],
 ) -> Bound:
-    """A bound with its error by the noise of the trace, whose derivatives look like information.
+    """A bound without what noise of the trace looks like, and its error by that noise.
 
     Parameters
     ----------
     parts : sequence of ArrayModel
         The model without one of the batches of the trace, for each in turn; others as of `bound`.
     """
-    whole = bound(model, pose, names, noise, nuisances)
-    others = [bound(part, pose, names, noise, nuisances).sigma for part in parts]
-    doubt = {name: jackknife(sigma, [one[name] for one in others]) for name, sigma in whole.sigma.items()}
-    return replace(whole, doubt=doubt)
+    whole, n, wanted = bound(model, pose, names, noise, nuisances), len(names), [*names, *nuisances]
+    if not parts:
+        return whole
+    every, *each = (_weighed(one, pose, wanted, noise)[1] for one in (model, *parts))
+    known = np.diag([0.0] * n + [float(s) ** -2.0 for s in nuisances.values()])
+    looks_like = noise_of_slopes(every, each)
+    covariance = without_noise(inverse(every.T @ every + known), looks_like)
+    more = looks_like * len(parts) / (len(parts) - 1)
+    others = [without_noise(inverse(one.T @ one + known), more) for one in each]
+    sigma = np.sqrt(np.diag(covariance)).tolist()
+    doubt = [jackknife(s, [float(np.sqrt(one[k, k])) for one in others]) for k, s in enumerate(sigma[:n])]
+    return replace(
+        whole,
+        covariance=covariance[:n, :n],
+        nuisances=dict(zip(nuisances, sigma[n:], strict=True)),
+        doubt=dict(zip(names, doubt, strict=True)),
+    )
+
+
+def noise_of_slopes(whole: Array, parts: Sequence[Array]) -> Array:
+    """What noise of slopes adds to their information on average, shape (..., k, k).
+
+    Parameters
+    ----------
+    whole : array, shape (..., n, k)
+        Slopes over the errors of readings.
+    parts : sequence of array, of that shape
+        Without one batch of the trace, each in turn (Efron 1982, section 3).
+    """
+    off = np.asarray(parts) - whole
+    return np.asarray((1 - 1 / len(parts)) * np.einsum("s...ni,s...nj->...ij", off, off))
+
+
+def without_noise(covariance: Array, noise: Array) -> Array:
+    """A covariance of which so much information was noise, shape (..., k, k); infinite ones stay."""
+    finite = np.where(np.isfinite(covariance), covariance, 0.0)
+    return np.asarray(covariance + finite @ noise @ finite)
 
 
 def jackknife(whole: float, parts: Sequence[float]) -> float:
@@ -270,14 +306,14 @@ def information(
 def _weighed(
     model: ArrayModel, pose: Array, names: Sequence[str], noise: SensorNoise
 ) -> tuple[Array, Array, Array]:
-    """Readings at a pose; of those in the light the slopes over their errors, shape (n, len(names)), and the
-    part of the variance that is new in every reading, shape (n,)."""
+    """Readings at a pose; their slopes over their errors, 0 in the dark, shape (n, len(names)), and the part
+    of the variance that is new in every reading, shape (n,)."""
     readings, error = model.with_errors(pose)
     slopes = model.slopes(pose, names)
     lit = readings > DARK * readings.max(initial=0.0)
-    variance = (noise.variance(readings) + error**2)[lit]
-    lasting = (noise.mismatch * readings[lit]) ** 2 + error[lit] ** 2
-    return readings, slopes[lit] / np.sqrt(variance)[:, None], 1 - lasting / variance
+    variance = np.where(lit, noise.variance(readings) + error**2, np.inf)
+    lasting = (noise.mismatch * readings) ** 2 + error**2
+    return readings, slopes / np.sqrt(variance)[:, None], 1 - lasting / variance
 
 
 def inverse(information: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -144,7 +145,7 @@ class Survey:
             f"the pose (standard deviation): {known}",
             "best that can be known (one reading, one standard deviation):",
             f"  {self.here.as_text()}",
-            *(f"  {one.as_text()}" for one in self.axis),
+            *(f"  {one.as_text()}" for one in self.axis if not np.array_equal(one.pose, self.here.pose)),
             f"docking ({DOCKING_ASKS}) is met in {100 * self.reaches:.0f} % of the space",
         ]
         if self.looks_away:
@@ -214,7 +215,7 @@ def survey(scene: Scene, space: Space, *, photons: float = FIELD_PHOTONS, seed: 
         elements,
         here,
         axis,
-        bound_map(model, space, names, noise, nuisances),
+        bound_map(model, parts, space, names, noise, nuisances),
         rivals(model, pose, names, noise, box_of(space), nuisances=nuisances, seed=seed),
         nuisances,
         bool(photons),
@@ -234,7 +235,12 @@ def _told_alone(one: Bound, pair: tuple[str, str], model: ArrayModel, noise: Sen
 
 
 def bound_map(
-    model: ArrayModel, space: Space, names: tuple[str, ...], noise: SensorNoise, nuisances: dict[str, float]
+    model: ArrayModel,
+    parts: Sequence[ArrayModel],
+    space: Space,
+    names: tuple[str, ...],
+    noise: SensorNoise,
+    nuisances: dict[str, float],
 ) -> xr.Dataset:
     """Bounds over the horizontal plane of the axis, the follower facing along the tank."""
     x = np.linspace(-space.half_width_m, space.half_width_m, _ACROSS)
@@ -242,7 +248,8 @@ def bound_map(
     values = np.empty((len(names) + 1, _ALONG, _ACROSS))
     for i, along in enumerate(z):
         for j, across in enumerate(x):
-            one = bound(model, np.array([across, 0, along, 0, 0, 0.0]), names, noise, nuisances)
+            at = np.array([across, 0, along, 0, 0, 0.0])
+            one = with_doubt(model, parts, at, names, noise, nuisances)
             values[:, i, j] = [*one.sigma.values(), one.criteria["A"]]
     dims = ("z_m", "x_m")
     found = {

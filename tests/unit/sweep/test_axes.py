@@ -206,3 +206,9 @@ def test_lists_and_tables_vary_as_numbers_do(path: str, values: list[object]) ->
         checked_axes(
             [axis_of("water.phase", {"water.phase": [{"type": "petzold"}, {"type": "hg"}]}, "test")], scene
         )
+
+
+def test_decimal_commas_of_a_range_are_told_to_be_points() -> None:
+    """What was given was told as its own remedy."""
+    with pytest.raises(UsageError, match=r"found '0,1:0,2:11'.*a point, as in 0\.1:0\.2:11"):
+        parse_axis("water.absorption_per_m=0,1:0,2:11", "--vary")

@@ -33,9 +33,11 @@ from lightfield.studies.follower.information import (
     TASK_UNITS,
     is_told,
     jackknife,
+    noise_of_slopes,
     nuisances_of,
     sigma_in_words,
     with_doubt_in_words,
+    without_noise,
 )
 from lightfield.studies.follower.survey import array_of
 
@@ -113,7 +115,11 @@ class ArraySetting:
 
     def criterion(self, whitened: Array) -> float:
         """A of the elements together."""
-        return float(self._traces(self.covariances(whitened)).mean())
+        return self.mean_trace(self.covariances(whitened))
+
+    def mean_trace(self, covariances: Array) -> float:
+        """A of the poses' covariances, shape (n_poses, k, k)."""
+        return float(self._traces(covariances).mean())
 
     def covariances(self, whitened: Array) -> Array:
         """Shape (n_poses, k, k)."""
@@ -169,11 +175,17 @@ class JudgedArray:
 
 def judged_array(name: str, elements: Elements, setting: ArraySetting) -> JudgedArray:
     """An array at the poses of a task."""
-    covariances = setting.covariances(setting.whitened(elements))
+    whole = setting.whitened(elements)
+    covariances, parts = setting.covariances(whole), setting.leave_one_out
+    others = []
+    if parts:
+        each = [one.whitened(elements) for one in parts]
+        noise = noise_of_slopes(whole, each)
+        covariances, more = without_noise(covariances, noise), noise * len(parts) / (len(parts) - 1)
+        others = [setting.mean_trace(without_noise(setting.covariances(one), more)) for one in each]
     squares = np.einsum("pkk->pk", covariances)[:, : len(setting.names)].mean(axis=0)
     sigma = {n: float(TASK_UNITS[n] * np.sqrt(v)) for n, v in zip(setting.names, squares, strict=True)}
-    parts = [one.criterion(one.whitened(elements)) for one in setting.leave_one_out]
-    doubt = jackknife(float(squares.sum()), parts)
+    doubt = jackknife(float(squares.sum()), others)
     return JudgedArray(name, elements, float(squares.sum()), sigma, doubt)
 
 

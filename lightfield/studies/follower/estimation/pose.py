@@ -175,6 +175,12 @@ class Estimator:
         noise, roll = SensorNoise.of_scene(scene), float(pose_of(scene.follower_here)[POSE.index("roll")])
         return cls(model, noise, pose_names(scene), nuisances_of(scene), space, roll)
 
+    @property
+    def least_light(self) -> float:
+        """Reading, 1/m^2, of the brightest element up to which light is lost."""
+        dark = np.sqrt(self.noise.variance(np.zeros(len(self.model.elements))))
+        return LOST_SIGMA * max(float(dark.max()), float(np.finfo(float).tiny))
+
     def starts(self) -> Array:
         """Poses of a first search: the corners of the formation space, and rolls where they count."""
         s = self.space
@@ -224,8 +230,7 @@ class Estimator:
         read = np.isfinite(readings)
         if not read.all() and read.any():
             return self._of(read).estimate(readings[read], last, more_starts=more_starts, seed=seed)
-        dark = np.sqrt(self.noise.variance(np.zeros_like(readings)))
-        if not readings.max() > LOST_SIGMA * max(float(dark.max()), np.finfo(float).tiny):
+        if not readings.max() > self.least_light:
             return PoseEstimate(np.full(len(POSE), np.nan), np.nan, np.nan, 0.0, None, None, lost=True)
         free = max(len(readings) - len(self.names), 1)
         begin = [self.starts()]

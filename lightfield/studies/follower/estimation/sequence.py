@@ -106,6 +106,8 @@ class Poses:
         Columns that are zero in every line, and without which a reading fits that does not with them.
     dim : bool
         All elements read something in every line, and none of it is more than darkness.
+    below : int
+        Lines in which all elements read less than darkness, by more than its noise.
     """
 
     scene: Scene
@@ -116,6 +118,7 @@ class Poses:
     traced: bool
     silent: tuple[str, ...] = ()
     dim: bool = False
+    below: int = 0
 
     @property
     def last_known(self) -> str:
@@ -148,7 +151,13 @@ class Poses:
 
     @property
     def doubts(self) -> str:
-        """What is to be done about readings that look dead, or too dim, as a sentence, or nothing."""
+        """What is to be done about readings that look dead, too dim or negative, or nothing."""
+        if self.below:
+            return (
+                f"every element reads less than 0 by more than noise in {self.below} of "
+                f"{len(self.estimates)} lines: was more taken away than is read in the dark, or is the sign "
+                "turned?"
+            )
         if self.dim:
             return (
                 "every element reads something throughout, though no more than darkness makes: are these "
@@ -285,7 +294,9 @@ def poses_of(
             estimates.append(found)
     silent = _silent(light, estimator, estimates)
     dim = all(one.lost for one in estimates) and bool((light > 0).all())
-    return Poses(scene, estimator.names, samples.time_s, estimates, tracked, bool(photons), silent, dim)
+    below = int((np.nanmax(light, axis=1) < -estimator.least_light).sum())
+    told = bool(photons), silent, dim, below
+    return Poses(scene, estimator.names, samples.time_s, estimates, tracked, *told)
 
 
 def _silent(readings: Array, estimator: Estimator, estimates: Sequence[PoseEstimate]) -> tuple[str, ...]:

@@ -89,6 +89,10 @@ def test_a_failed_case_says_why(
     """And which: the first of them; a store of another sweep is told by what is varied, as it is written."""
     monkeypatch.chdir(tmp_path)
     Path("lit.toml").write_text(DARK.replace("[800, 850]", "[450, 490]") + "planes_m = [2]\npixels = 3\n")
+    Path("ring.toml").write_text(DARK.replace("[800, 850]", "[450, 490]") + "planes_m = [4.5, 8]\n" + FOLLOWS)
+    asked = "follow ring.toml --no-trace --duration 2 --runs 1 -o f.zarr --vary lamp.spectrum.peak_nm=470,900"
+    assert cli.main(asked.split()) == 1
+    assert "1 case failed: lamp.spectrum.peak_nm=900: " in capsys.readouterr().out
     asked = "sweep lit.toml --max-photons 1e4 --rel-error 0.5 -o s.zarr --vary lamp.spectrum.peak_nm="
     assert cli.main(f"{asked}470,900".split()) == 1
     told = capsys.readouterr().out

@@ -40,6 +40,9 @@ class Bent:
         more = of_b * b
         return -self.longer * self.path * more / (1 + more), of_b / (1 + more)
 
+    def error_over_typical(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.ones((len(self.modes), len(b)))
+
 
 def made(seed: int) -> Stack:
     """One or two tables of one to four colours, read three times at some distances."""
@@ -55,7 +58,8 @@ def made(seed: int) -> Stack:
         y = light.value(a, b) - np.outer(path, a + b) + rng.normal(0, 0.3) + shared[:, None]
         y += sigma * rng.standard_normal(sigma.shape)
         errors = stays, np.full(len(planes), 0.003)
-        tables.append(SimpleNamespace(path_m=path, y=y, stderr=sigma, shared=errors))
+        open_water = SimpleNamespace(reflects=False)
+        tables.append(SimpleNamespace(path_m=path, y=y, stderr=sigma, shared=errors, scene=open_water))
         excess.append(light)
     return Stack(tables, excess)
 

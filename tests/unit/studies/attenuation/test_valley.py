@@ -14,9 +14,12 @@ from lightfield.readings import Readings
 from lightfield.render.at_readings import rendered_light
 from lightfield.render.diffuse.source import response_for
 from lightfield.scene import Scene
+from lightfield.studies.attenuation.excess import NODES_A, NODES_B, Excess
+from lightfield.studies.attenuation.ratios import ratios_of
 from lightfield.studies.attenuation.scattered import Scattered
+from lightfield.studies.attenuation.stack import Stack
 from lightfield.studies.attenuation.study import attenuation
-from lightfield.studies.attenuation.valley import Valley
+from lightfield.studies.attenuation.valley import Valley, valley_of
 
 Z = np.array([1.0, 2.0, 3.0, 4.0, 5.5, 7.0])
 
@@ -24,11 +27,34 @@ Z = np.array([1.0, 2.0, 3.0, 4.0, 5.5, 7.0])
 def test_of_a_parabola_the_reach_is_the_standard_error() -> None:
     b = np.linspace(0, 1, 2001)[:, None]
     lone, twice = ((b - 0.5) / 0.1) ** 2, np.minimum(((b - 0.2) / 0.05) ** 2, ((b - 0.8) / 0.05) ** 2 + 3.0)
-    found = Valley(b[:, 0], 0.3 - 0.4 * b + 0 * np.hstack([lone, twice]), np.hstack([lone, twice]))
+    both = np.hstack([lone, twice])
+    found = Valley(b[:, 0], 0.3 - 0.4 * b + 0 * both, both, 0 * both)
     assert found.b_stderr == pytest.approx([0.1, 0.325], abs=1e-3)  # half of the way to 0.8 + 0.05
     of_a, of_b, bend = found.reach_from(np.array([0.1, 0.22]), np.array([0.5, 0.2]), np.array([0.4, 0.4]))
     assert of_b == pytest.approx([0.1, 0.325], abs=1e-3) and of_a == pytest.approx(0.4 * of_b)
     assert bend == pytest.approx(0, abs=1e-12)
+
+
+def test_waves_of_a_trace_do_not_speak_for_clear_water() -> None:
+    """Light that adds 0.6 b z tells of a + 0.4 b alone. Its waves, 0.4 % at b = 0.25, grew with b, and so did
+    chi-square: b of 0.4 was more than two of its errors away in 27 of 40."""
+    away, there = [], scene(0.0, 6.0, 0.0, 0.0).model_copy(update={"tank": None})
+    z, b = np.linspace(1.0, 7.0, 9), 0.4
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        value = np.exp(-0.4 * (z - 0.6 * b * z / 0.4)) * (1 + 0.003 * rng.standard_normal(9))
+        table = Readings.from_arrays(
+            z_m=np.r_[z, z], value=np.r_[value, np.ones(9)], stderr=0.003 * np.r_[value, np.ones(9)],
+            medium=np.repeat(["water", "air"], 9), quantity="irradiance",
+        )  # fmt: skip
+        exact = replace(table.budget, plane_gain_percent=0.0, position_mm=0.0)
+        ratios = ratios_of(replace(table, budget=exact), there)
+        coefficients = np.zeros((NODES_A, NODES_B, 9))
+        coefficients[0, :2] = 0.5 * (0.6 * z + 0.004 * rng.standard_normal(9) / 0.25)
+        excess = Excess(1.0, 1.0, coefficients, 0.004 * np.eye(9), (0.1, 0.25))
+        found = valley_of(Stack([ratios], [excess]))
+        away.append(abs(found.b[found.chi2.argmin()] - b) / found.b_stderr[0])
+    assert np.sum(np.array(away) > 2) < 8
 
 
 def scene(albedo: float, hwhm_deg: float, a: float, b: float) -> Scene:

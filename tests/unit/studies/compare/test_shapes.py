@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -53,6 +54,8 @@ def test_it_is_found_at_any_place_and_of_either_sign(
     report = fitted(depth, place_m, least, *names)
     assert report.statistics.chi2_per_dof < 1.3
     assert f"(base by the same noise: {report.statistics.base_chi2_per_dof:.4g})" in as_text(report)
+    told = re.findall(r"= -?\d+\.(\d+)(?: \S+)? ± \d+\.(\d+) ", as_text(report))
+    assert len(told) >= 3 and all(len(value) == len(error) for value, error in told)
     for path, true in ((DEPTH, depth), (PLACE_M, place_m), (WIDTH_M, 0.15)):
         found = report.estimates[path]
         assert abs(found.value - true) < 4 * found.stderr, path

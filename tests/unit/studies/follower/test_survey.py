@@ -41,6 +41,8 @@ def test_coordinates_that_do_the_same_are_named_with_what_parts_them(tmp_path: P
     assert ring.tied == (("x", "yaw"), ("y", "pitch"))
     says = "To the readings of this array x and yaw do the same, and y and pitch: each is known only as far"
     assert says in ring.as_text() and says in survey_page(ring) and "array optimise" in ring.as_text()
+    lines = ring.as_text().splitlines()
+    assert len(ring.axis) == 3 and len(lines) == len(set(lines)), "one pose is told once"
     assert ring.as_data()["tied"] == [["x", "yaw"], ["y", "pitch"]]
 
 

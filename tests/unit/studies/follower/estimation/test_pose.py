@@ -341,6 +341,8 @@ def test_readings_in_another_unit_are_too_bright_or_too_dim(tmp_path: Path) -> N
         poses_of(written(tmp_path / "bright.csv", 1e6 * readings), SCENE, SPACE, photons=0)
     dim = poses_of(written(tmp_path / "dim.csv", 1e-9 * np.abs(readings)), SCENE, SPACE, photons=0)
     assert dim.lost == 2 and "State array.gain" in dim.as_text() and "State array.gain" in poses_page(dim)
+    below = poses_of(written(tmp_path / "below.csv", -readings), SCENE, SPACE, photons=0).as_text()
+    assert "less than 0 by more than noise in 2 of 2 lines" in below
     dark = 1e-12 * np.random.default_rng(6).standard_normal(readings.shape)
     assert not poses_of(written(tmp_path / "dark.csv", dark), SCENE, SPACE, photons=0).doubts
 
