@@ -66,6 +66,7 @@ class Linear:
     def __init__(self, columns: Mapping[str, np.ndarray]) -> None:
         self.columns = {path: np.asarray(column, float) for path, column in columns.items()}
         self.size = len(next(iter(self.columns.values())))
+        self.readings = SimpleNamespace(stderr=np.full(self.size, np.nan))
 
     def predict(self, values: Mapping[str, float]) -> np.ndarray:
         return sum(

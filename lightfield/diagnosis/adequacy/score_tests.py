@@ -176,10 +176,10 @@ class AdequacyTest:
         """The same test of a problem whose forward model has changed a little."""
         return AdequacyTest(problem, self.whiten, self.unknowns, self.noise, self.errors_stated, self.scale)
 
-    def score(self, fit: Fit) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
-        """Scores of one fit alone, and the amplitudes that they ask for."""
+    def score(self, fit: Fit, at_any_time: bool = False) -> tuple[tuple[Score, ...], tuple[Array, ...]]:
+        """Scores of one fit alone, and the amplitudes that they ask for; of what begins whenever, too."""
         free = _moved(fit)
-        scores = tuple(_score(t, free) for t in bank(self.problem, fit, self.whiten))
+        scores = tuple(_score(t, free) for t in bank(self.problem, fit, self.whiten, at_any_time))
         observed = beside(free, fit.residual[:, None])[:, 0]
         return scores, tuple(s.to_amplitude @ (s.direction.T @ observed) for s in scores)
 

@@ -54,14 +54,22 @@ class Template:
     columns: Array
 
 
-def bank(problem: Problem, fit: Fit, whiten: Whiten) -> tuple[Template, ...]:
-    """Templates of every candidate form whose parameters the fit does not move."""
+def bank(problem: Problem, fit: Fit, whiten: Whiten, at_any_time: bool = False) -> tuple[Template, ...]:
+    """Templates of every candidate form whose parameters the fit does not move.
+
+    Parameters
+    ----------
+    at_any_time : bool
+        Also of forms that may begin whenever (`Form`).
+    """
     moved = set(fit.paths)
     there = [c.effect for c in problem.candidates if moved & {p.path for p in c.amplitudes}]
     values = fit.values
     raw: list[Array] = []
     labels: list[tuple[Candidate, tuple[float, ...], int]] = []
     for candidate in problem.candidates:
+        if candidate.form.at_any_time and not at_any_time:
+            continue
         if candidate.form.refines or moved & {p.path for p in candidate.parameters}:
             continue
         if not all(candidate.effect.combines_with(e) or candidate.effect is e for e in there):

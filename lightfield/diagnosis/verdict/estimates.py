@@ -79,11 +79,12 @@ def estimates(
 
 def _with_moments(fit: Fit, errors: Mapping[str, float]) -> dict[str, float]:
     """Errors by path; of a sudden switch it is known between which readings it was, and no more."""
-    out, found = dict(errors), fit.by_path
-    if _OVER in found:
-        at = fit.model.parameters[fit.paths.index(_OVER)]
-        if fit.at_bound()[fit.paths.index(_OVER)] and at.is_answer(found[_OVER]):
-            between_s = at.value(found[_OVER]) / SUDDEN * _EVEN
+    out = dict(errors)
+    if _OVER in fit.paths:
+        at = fit.paths.index(_OVER)
+        parameter, u = fit.model.parameters[at], float(fit.u[at])
+        if fit.at_bound()[at] and parameter.is_answer(u):
+            between_s = parameter.value(u) / SUDDEN * _EVEN
             for path, moments in _MOMENTS.items():
                 if path in out:
                     out[path] = float(np.hypot(out[path], np.sqrt(moments) * between_s))

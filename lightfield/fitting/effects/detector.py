@@ -48,6 +48,7 @@ EFFECTS = (
                     Free("detector.background_step_s", 0.05, 0.95, 0.02, per="moment", grid=_MOMENTS),
                     _OVER,
                 ),
+                at_any_time=True,
             ),
             Form(
                 "on for a while",
@@ -60,6 +61,7 @@ EFFECTS = (
                     Free("detector.background_step_for_s", 0.1, 0.9, 0.02, per="seconds", grid=(0.15, 0.35)),
                     _OVER,
                 ),
+                at_any_time=True,
             ),
         ),
         "Ambient light, or a dark signal left in (or over-subtracted from) the readings.",

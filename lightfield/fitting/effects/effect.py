@@ -116,12 +116,16 @@ class Form:
     refines : bool
         Tried only where a shorter form of the effect is in the best set already: a curve so fine would take
         what is no curve of its kind.
+    at_any_time : bool
+        It may begin whenever: sought among sets of effects alone. So many beginnings follow noise, which is
+        not judged beside them.
     """
 
     name: str
     amplitudes: tuple[Free, ...]
     shapes: tuple[Free, ...] = ()
     refines: bool = False
+    at_any_time: bool = False
 
 
 @dataclass(frozen=True)

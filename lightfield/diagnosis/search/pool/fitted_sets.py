@@ -324,7 +324,7 @@ class Pool:
             if node.is_diffuse:
                 near = self.problem.forward.holding(node.fit.values)
                 test = test.on(replace(self.problem, forward=near))
-            self._scores[node.key] = test.score(node.fit)
+            self._scores[node.key] = test.score(node.fit, at_any_time=True)
         return self._scores[node.key]
 
     def promises(self, node: FittedSet) -> list[Promise]:

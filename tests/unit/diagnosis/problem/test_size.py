@@ -51,7 +51,8 @@ def test_many_channels_of_one_distance_are_not_those_of_the_next() -> None:
         )
     )  # fmt: skip
     value = np.where(z < 4.5, 1.0, 0.01)
-    assert bright(SimpleNamespace(layout=layout, value=value, keep=np.ones(n))).all()
+    forward = SimpleNamespace(readings=SimpleNamespace(stderr=np.full(n, np.nan)))
+    assert bright(SimpleNamespace(layout=layout, value=value, keep=np.ones(n), forward=forward)).all()
 
 
 def test_light_is_not_traced_in_too_many_cells() -> None:

@@ -76,7 +76,7 @@ def test_a_curve_is_determined_where_any_of_its_amplitudes_is(name: str, unknown
     both = tuple(FitParameter(path, -20.0, 20.0, 1.0, 1e-3) for path in ("first", "second"))
     model = Model(forward, (width, *both))
     fit = least_squares(model, 75.0 * along, lambda r: r / 2, [74.0, 1.0, 0.0], np.ones(4))
-    candidate = SimpleNamespace(name=name, amplitudes=both)
+    candidate = SimpleNamespace(name=name, amplitudes=both, parameters=both)
     assert ScoredSet((candidate,), fit, 0.0).undetermined == unknown  # type: ignore[arg-type]  # stands in
 
 

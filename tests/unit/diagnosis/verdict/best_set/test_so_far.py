@@ -42,8 +42,11 @@ def test_the_best_set_is_told_with_its_error() -> None:
 def test_a_search_that_is_far_behind_does_not_replace_the_best() -> None:
     """One of its own that is worse does, as fewer effects are; light that was traced anew changes little."""
     so_far = SoFar()
-    layout = SimpleNamespace(plane_and_channel=np.zeros(3, int))
-    one, other = (SimpleNamespace(layout=layout, value=np.ones(3), keep=np.ones(3)) for _ in range(2))
+    layout = SimpleNamespace(plane_and_channel=np.zeros(3, int), channel=np.zeros(3, int))
+    forward = SimpleNamespace(readings=SimpleNamespace(stderr=np.full(3, np.nan)))
+    one, other = (
+        SimpleNamespace(layout=layout, value=np.ones(3), keep=np.ones(3), forward=forward) for _ in range(2)
+    )
 
     def best_after(problem: Any, off: float) -> float:
         so_far.tried(1, problem, (), SimpleNamespace(prediction=np.full(3, 1 / (1 + off))))

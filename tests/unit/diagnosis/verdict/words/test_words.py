@@ -123,7 +123,7 @@ def test_reasons_are_written_as_ever() -> None:
     assert written == [
         "held", "at boundary", "did not move the model", "undetermined",
         "undetermined: error wider than the allowed range", "none at all", "bends no more",
-        "before all readings",
+        "as sudden as these readings tell", "before all readings",
     ]  # fmt: skip
 
 
