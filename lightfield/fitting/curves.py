@@ -318,8 +318,10 @@ class Curves:
 
     def _daylight(self) -> Basis | None:
         wave = self._colours
-        found = None if wave is None else self._added(BACKGROUND, wave)
-        return None if wave is None or found is None else self._by_its_readings(found, wave)
+        if wave is None:
+            return None
+        found = self._added(BACKGROUND, wave)
+        return found and self._by_its_readings(found, wave)
 
     def _ambient(self) -> Basis | None:
         time = np.asarray(self.readings.time_s, float)

@@ -17,6 +17,24 @@ _OVER = Free(
     "detector.background_step_over_s", SUDDEN, 10.0, 1.0, per="interval", grid=(1.0,), lowest="sudden"
 )
 
+
+def _switched(name: str, *lasting: Free) -> Form:
+    """Ambient light that is another one from a moment on, to the end or for a while."""
+    return Form(
+        name,
+        (
+            Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+            Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+        ),
+        (
+            Free("detector.background_step_s", 0.05, 0.95, 0.02, per="moment", grid=_MOMENTS),
+            *lasting,
+            _OVER,
+        ),
+        at_any_time=True,
+    )
+
+
 EFFECTS = (
     Effect(
         "background",
@@ -38,30 +56,10 @@ EFFECTS = (
                     ),
                 ),
             ),
-            Form(
-                "switched",
-                (
-                    Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
-                    Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
-                ),
-                (
-                    Free("detector.background_step_s", 0.05, 0.95, 0.02, per="moment", grid=_MOMENTS),
-                    _OVER,
-                ),
-                at_any_time=True,
-            ),
-            Form(
+            _switched("switched"),
+            _switched(
                 "on for a while",
-                (
-                    Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
-                    Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
-                ),
-                (
-                    Free("detector.background_step_s", 0.05, 0.95, 0.02, per="moment", grid=_MOMENTS),
-                    Free("detector.background_step_for_s", 0.1, 0.9, 0.02, per="seconds", grid=(0.15, 0.35)),
-                    _OVER,
-                ),
-                at_any_time=True,
+                Free("detector.background_step_for_s", 0.1, 0.9, 0.02, per="seconds", grid=(0.15, 0.35)),
             ),
         ),
         "Ambient light, or a dark signal left in (or over-subtracted from) the readings.",

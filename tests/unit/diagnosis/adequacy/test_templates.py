@@ -103,3 +103,21 @@ def test_no_smooth_unknown_meets_a_plane_exactly() -> None:
     columns = {at: found[:, (found[z == at] != 0).any(axis=0)] for at in np.unique(z)}
     ranks = {at: int(np.linalg.matrix_rank(own)) if own.size else 0 for at, own in columns.items()}
     assert ranks[1.0] == 0 and ranks[1.5] == 1 and 1 <= ranks[2.0] <= 2 and ranks[3.0] == 2
+
+
+def test_noise_is_not_judged_beside_what_may_begin_at_any_time() -> None:
+    """Thirty beginnings of a switch follow much of it; among sets of effects they are asked."""
+    scene = Scene.from_dict({"water": {"absorption_per_m": 0.1}})
+    table = scan(scene, "line", "random", np.random.default_rng(0))
+    clean = SceneForward(scene, table).predict({})
+    readings = replace(table, value=clean, stderr=np.full(len(clean), 1e-4))
+    problem, _ = problem_of(SceneForward(scene, readings), readings, [effects.get("background")], None)
+    fit = problem.fit((), lambda columns: columns, [problem.model().start], max_steps=0)
+    own = bank(problem, fit, lambda columns: columns)
+    assert {t.candidate.form.name for t in own} == {"constant", "drifting"}
+    test = AdequacyTest(problem, lambda columns: columns, {}, lambda: np.zeros((len(clean), 2)), True)
+    for at_any_time, names in ((False, set()), (True, {"switched", "on for a while"})):
+        scores, _ = test.score(fit, at_any_time)
+        asked = [score.template.candidate.form.name for score in scores]
+        assert set(asked) - {"constant", "drifting"} == names
+    assert asked.count("switched") == 10 and asked.count("on for a while") == 20
