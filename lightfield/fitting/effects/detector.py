@@ -7,8 +7,19 @@ from __future__ import annotations
 
 from lightfield.fitting.effects.effect import Effect, Form, Free
 
-#: Parts of the scan at which a switch is sought. Chosen: a fit moves it across the readings between.
-_MOMENTS = tuple((k + 0.5) / 10 for k in range(10))
+#: Ambient light before the moment, and what is added then. Chosen: as that of a background is.
+_LEVELS = (
+    Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+    Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
+)
+#: When it is switched, sought at parts of the scan. Chosen: a fit moves it across the readings between.
+_BEGINS = Free(
+    "detector.background_step_s", 0.05, 0.95, 0.02, per="moment",
+    grid=tuple((k + 0.5) / 10 for k in range(10)),
+)  # fmt: skip
+#: How long it stays. Chosen: of less than a tenth of the scan outliers in a row may be the cause; with two
+#: lengths in place of three one of thirteen draws ended in another valley.
+_LASTS = Free("detector.background_step_for_s", 0.1, 0.9, 0.02, per="seconds", grid=(0.12, 0.25, 0.5))
 #: A switch over this part of the time between readings is sudden. Derived: half of that time before and after
 #: the moment all but 2 % of it, tanh(2), is done.
 SUDDEN = 0.25
@@ -16,24 +27,6 @@ SUDDEN = 0.25
 _OVER = Free(
     "detector.background_step_over_s", SUDDEN, 10.0, 1.0, per="interval", grid=(1.0,), lowest="sudden"
 )
-
-
-def _switched(name: str, *lasting: Free) -> Form:
-    """Ambient light that is another one from a moment on, to the end or for a while."""
-    return Form(
-        name,
-        (
-            Free("detector.background", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
-            Free("detector.background_step", -0.5, 0.5, 0.002, per="signal", needs=("time",)),
-        ),
-        (
-            Free("detector.background_step_s", 0.05, 0.95, 0.02, per="moment", grid=_MOMENTS),
-            *lasting,
-            _OVER,
-        ),
-        at_any_time=True,
-    )
-
 
 EFFECTS = (
     Effect(
@@ -56,11 +49,8 @@ EFFECTS = (
                     ),
                 ),
             ),
-            _switched("switched"),
-            _switched(
-                "on for a while",
-                Free("detector.background_step_for_s", 0.1, 0.9, 0.02, per="seconds", grid=(0.15, 0.35)),
-            ),
+            Form("switched", _LEVELS, (_BEGINS, _OVER), at_any_time=True),
+            Form("on for a while", _LEVELS, (_BEGINS, _LASTS, _OVER), at_any_time=True),
         ),
         "Ambient light, or a dark signal left in (or over-subtracted from) the readings.",
         "The same amount everywhere: dominates far off the axis and at far planes. Ambient light changes "

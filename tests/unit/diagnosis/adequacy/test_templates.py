@@ -106,7 +106,7 @@ def test_no_smooth_unknown_meets_a_plane_exactly() -> None:
 
 
 def test_noise_is_not_judged_beside_what_may_begin_at_any_time() -> None:
-    """Thirty beginnings of a switch follow much of it; among sets of effects they are asked."""
+    """Forty beginnings of a switch follow much of it; among sets of effects they are asked."""
     scene = Scene.from_dict({"water": {"absorption_per_m": 0.1}})
     table = scan(scene, "line", "random", np.random.default_rng(0))
     clean = SceneForward(scene, table).predict({})
@@ -120,4 +120,4 @@ def test_noise_is_not_judged_beside_what_may_begin_at_any_time() -> None:
         scores, _ = test.score(fit, at_any_time)
         asked = [score.template.candidate.form.name for score in scores]
         assert set(asked) - {"constant", "drifting"} == names
-    assert asked.count("switched") == 10 and asked.count("on for a while") == 20
+    assert asked.count("switched") == 10 and asked.count("on for a while") == 30

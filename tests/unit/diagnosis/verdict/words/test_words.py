@@ -122,8 +122,8 @@ def test_reasons_are_written_as_ever() -> None:
     ]
     assert written == [
         "held", "at boundary", "did not move the model", "undetermined",
-        "undetermined: error wider than the allowed range", "none at all", "bends no more",
-        "as sudden as these readings tell", "before all readings",
+        "undetermined: error wider than the allowed range", "none at all",
+        "as sudden as these readings tell", "bends no more", "before all readings",
     ]  # fmt: skip
 
 
